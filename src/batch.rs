@@ -8,7 +8,7 @@
 //!   comparison.json, .csv, .html        measures by generator variant over the sessions
 //!   comparison-sessions.csv             the same session by session
 //!   report.html                         all of it as a page
-//!   batch/outcomes/<session>.json       what became of each session
+//!   batch/outcomes/<session>.json       the outcome of each session
 //!   batch/slurm/                        the job's script, its record and its logs
 //! ```
 //! No file holds a time of day or a place outside the dataset, so that a run here and one on a
@@ -28,19 +28,21 @@ mod slurm;
 mod split;
 mod walk;
 
-pub use aggregate::{Aggregate, Cell, SessionValue, Variant, aggregate};
+pub use aggregate::{Aggregate, MeasureMean, SessionValue, VariantMeans, aggregate};
 pub use card::card;
 pub use cluster::{DatasetStatus, Gathered, gather, run_task, status, submit};
 pub use compare::{DatasetCompareRequest, compare_dataset};
-pub use index::{Index, IndexedSession, IndexedStream, NamedEffect, Rig, index, read_index};
-pub use lock::{Held, lock_dataset, lock_session};
-pub use outcome::{LeftOut, Outcome, Verdict, clear_outcome, read_outcome, write_outcome};
+pub use index::{Index, IndexedRig, IndexedSession, IndexedStream, NamedEffect, index, read_index};
+pub use lock::{LockGuard, lock_dataset, lock_session};
+pub use outcome::{
+    LeftOut, OutcomeKind, SessionOutcome, clear_outcome, read_outcome, write_outcome,
+};
 pub use page::{comparison_page, dataset_page};
 pub use results::{dataset_report, read_splits, write_comparison, write_results};
 pub use run::{BatchProgress, OnProgress, process_dataset, process_session};
-pub use slurm::{Job, JobState, Resources, Slurm, read_job};
-pub use split::{Share, SplitBy, Splits, stimulus};
-pub use walk::{Found, is_dataset, walk};
+pub use slurm::{JobState, Resources, Slurm, SlurmJob, read_job};
+pub use split::{SplitBy, SplitShare, Splits, stimulus};
+pub use walk::{FoundSession, is_dataset, walk};
 
 use crate::pipeline::PipelineError;
 use evrig_session::SessionError;

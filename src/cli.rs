@@ -32,11 +32,11 @@ pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
 pub use live::{LiveArgs, LiveGenerationArgs, LiveLight};
-pub use pi::{PairArgs, PiArgs, PiCamera};
+pub use pi::{PairArgs, PiArgs, PiCameraArg};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;
 pub use record::RecordArgs;
-pub use session::{ExportArgs, ExportFormat, ExportKind, InfoArgs, ReportArgs, VerifyArgs};
+pub use session::{ExportArgs, ExportFormatArg, ExportKind, InfoArgs, ReportArgs, VerifyArgs};
 pub use stages::{
     CalibrateArgs, CalibrateObjective, CompareArgs, ConditionArgs, GenerateArgs, ModelArgs,
     ProcessArgs,

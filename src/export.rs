@@ -6,11 +6,11 @@
 //! | hdf5 | DSEC's layout, gzip | h5py, loaders of DSEC |
 //! | parquet | columns t, x, y, p | pandas, polars, DuckDB |
 //! | aedat4 | events | DV, dv-processing |
-//! | mcap | event pictures, frames and the picture's outline | Foxglove (a layout lies beside), Rerun |
+//! | mcap | event images, frames and the target's outline | Foxglove (with a layout file), Rerun |
 //! | rrd | the same in Rerun's own format, with the feature `rerun` | Rerun |
 //!
-//! Times are microseconds of the events' clock. What is needed to use the events stands in the file
-//! where the format has room, and always in `<file>.json` beside it: see [`side`](self).
+//! Times are microseconds of the events' clock. Metadata is in the file where the format allows it,
+//! and always in `<file>.json` next to it.
 
 mod images;
 mod mcap;
@@ -37,15 +37,14 @@ use std::path::{Path, PathBuf};
 pub struct ExportRequest {
     /// Name of the stream, recorded or generated.
     pub stream: String,
-    /// Its kind, for a name that frames and the events made from them share; if nothing is said, the
-    /// events.
+    /// Its kind, for a name shared by frames and the events generated from them; events by default.
     pub kind: Option<StreamKind>,
     /// The file.
     pub out: PathBuf,
     /// Its format.
     pub format: ExportFormat,
     /// Which of the events, in which coordinates.
-    pub cut: Cut,
+    pub cut: EventSelection,
 }
 
 /// A format.
@@ -69,12 +68,12 @@ pub enum ExportFormat {
 /// Which events of a stream, in which coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Cut {
+pub enum EventSelection {
     /// All of them, in sensor pixels.
     Whole,
-    /// Those that the stage `filter` kept, in the picture's own coordinates where it cut to them.
+    /// Those that the stage `filter` kept, in target coordinates where it transformed to them.
     Picture,
-    /// The same on a canvas of so many columns and rows.
+    /// The same on a square canvas of this many pixels.
     Canvas(u16),
 }
 
@@ -83,15 +82,15 @@ pub enum Cut {
 pub struct Exported {
     /// The file.
     pub path: PathBuf,
-    /// What it is about, beside it; none for streams that are not events.
+    /// Metadata files; none for streams that are not events.
     pub beside: Vec<PathBuf>,
     /// Events written.
     pub n_events: Option<u64>,
     /// Arrays of an npz.
     pub arrays: Vec<ExportedArray>,
-    /// Whether another stream has the same name, which was not meant.
+    /// Whether another stream has the same name.
     pub has_namesake: bool,
-    /// Image streams of which nothing is said, with the reason.
+    /// Image streams without metadata, with the reason.
     pub left_out: Vec<String>,
 }
 
@@ -129,7 +128,7 @@ pub enum ExportError {
         /// The reason.
         what: String,
     },
-    /// The stream cannot be had in this way.
+    /// The stream cannot be exported in this way.
     #[error("stream `{stream}` of {session}: {what}", session = session.display())]
     Unfit {
         /// The session.
@@ -139,12 +138,12 @@ pub enum ExportError {
         /// Why, and what to do.
         what: String,
     },
-    /// The system refused.
+    /// The system returned an error.
     #[error("{path}: {source}", path = path.display())]
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
 }
@@ -155,12 +154,10 @@ struct Chosen {
     size: Size,
 }
 
-/// Writes a stream, and beside it what the stream is about.
-///
-/// A file that was begun and could not be finished is removed.
+/// Writes a stream and its metadata. An incomplete file is removed.
 ///
 /// # Errors
-/// When there is no such stream, it cannot be had in this format or cut, or the disk refuses.
+/// When there is no such stream, it cannot be exported in this format or selection, or the disk refuses.
 pub fn export(session: &Session, request: &ExportRequest) -> Result<Exported, ExportError> {
     // A session's files are evidence; none of them may be written over.
     if is_part_of(session, &request.out) {
@@ -174,7 +171,7 @@ pub fn export(session: &Session, request: &ExportRequest) -> Result<Exported, Ex
     made
 }
 
-/// The recorded stream that is meant, unless events are.
+/// The recorded stream of the request, unless events are requested.
 fn recorded<'a>(session: &'a Session, request: &ExportRequest) -> (Option<&'a StreamEntry>, bool) {
     let mut all = session.manifest().streams.iter();
     let other = all.find(|s| s.name == request.stream && s.kind != StreamKind::Events);
@@ -190,7 +187,7 @@ fn recorded<'a>(session: &'a Session, request: &ExportRequest) -> (Option<&'a St
 fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportError> {
     let (recorded, has_namesake) = recorded(session, request);
     if let Some(entry) = recorded {
-        if request.format != ExportFormat::Npz || request.cut != Cut::Whole {
+        if request.format != ExportFormat::Npz || request.cut != EventSelection::Whole {
             let what = format!("it holds {}; only --format npz, uncut, takes them", entry.kind);
             return Err(unfit(session, request, what));
         }
@@ -207,7 +204,7 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
     let chosen = choose(session, request)?;
     let times = chosen.events.as_slice().t;
     let (images, left_out) = images::read(session, times)?;
-    let side = side::Side::new(session, request, &chosen, &images, left_out)?;
+    let side = side::Sidecar::new(session, request, &chosen, &images, left_out)?;
     let (out, events) = (&request.out, chosen.events.as_slice());
     let mut arrays = Vec::new();
     let mut beside = Vec::new();
@@ -240,12 +237,12 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
 
 fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportError> {
     let stream = StreamName::new(&request.stream)?;
-    if request.cut == Cut::Whole {
+    if request.cut == EventSelection::Whole {
         let (events, _) = session.events(stream.as_str())?;
         let size = pipeline::stream_grid(session, &stream)?;
         return Ok(Chosen { events, size });
     }
-    // The error of a stream that is not there says which there are.
+    // The error of a missing stream lists the existing ones.
     pipeline::stream_grid(session, &stream).or_else(|_| {
         session.events(stream.as_str()).map(|_| Size::new(1, 1)).map_err(ExportError::from)
     })?;
@@ -256,12 +253,12 @@ fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportEr
     })?;
     let (events, size) = found;
     Ok(match request.cut {
-        Cut::Canvas(side) => canvas(&events, size, side),
+        EventSelection::Canvas(side) => canvas(&events, size, side),
         _ => Chosen { events, size },
     })
 }
 
-/// The events on another grid: each goes to the cell that holds the middle of its pixel.
+/// The events on another grid: each in the cell that holds the centre of its pixel.
 fn canvas(events: &Events, from: Size, side: u16) -> Chosen {
     let place = |v: u16, n: u16| {
         ((2 * u32::from(v) + 1) * u32::from(side) / (2 * u32::from(n.max(1)))) as u16

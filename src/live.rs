@@ -1,9 +1,9 @@
-//! What the devices see now, for people who look: rates, drops, frames with the tag, events.
+//! The live view of the devices: rates, drops, frames with the tag, events.
 //!
 //! Events and the event camera's frames go out as AEDAT4 over TCP, so that DV's tools and
 //! dv-processing connect; with the feature `foxglove`, everything goes to Foxglove's WebSocket too.
-//! Nothing here waits for a viewer: each has a queue with a bound, what does not fit is dropped for it
-//! and counted, and what is shown is therefore never old.
+//! A viewer never blocks: each has a bounded queue, and messages beyond it are dropped and counted, so
+//! the view is always current.
 
 #[cfg(feature = "foxglove")]
 mod foxglove;
@@ -12,8 +12,8 @@ mod status;
 mod view;
 
 pub use generation::{Generation, GenerationSettings, GenerationTally, PiLight};
-pub use status::Status;
-pub use view::{EventImage, View};
+pub use status::LiveStatus;
+pub use view::{EventImage, LiveView};
 
 use evrig_core::geometry::Size;
 use evrig_device::stream_server::{StreamServer, StreamServerError};
@@ -74,7 +74,7 @@ pub enum LiveError {
 pub struct Live {
     events: StreamServer,
     frames: StreamServer,
-    view: View,
+    view: LiveView,
     #[cfg(feature = "foxglove")]
     foxglove: Option<foxglove::Foxglove>,
 }
@@ -111,7 +111,7 @@ impl Live {
                 &StreamSpec::frames(size, source),
                 compression,
             )?,
-            view: View::new(size, tag)?,
+            view: LiveView::new(size, tag)?,
             #[cfg(feature = "foxglove")]
             foxglove: addresses.foxglove.map(foxglove::Foxglove::serve).transpose()?,
         })
@@ -179,7 +179,7 @@ impl Live {
     }
 
     /// How it goes since the last call, which it also shows. `n_dropped` is what the devices lost.
-    pub fn tell(&mut self, now: HostTime, pose: Option<Pose>, n_dropped: u64) -> Status {
+    pub fn tell(&mut self, now: HostTime, pose: Option<Pose>, n_dropped: u64) -> LiveStatus {
         let n_viewer = self.events.n_dropped() + self.frames.n_dropped();
         let status = self.view.status(now, pose, n_dropped, n_viewer);
         #[cfg(feature = "foxglove")]

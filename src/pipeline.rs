@@ -1,9 +1,9 @@
 //! Stages: from a session's files to new files beside them.
 //!
-//! A stage's result lies in `derived/<stage>[-<stream>]/` with a `stage.json` that names
+//! A stage's result is in `derived/<stage>[-<stream>]/` with a `stage.json` that names
 //! the checksums of its inputs, its parameters and the version; a stage whose record would
 //! be the same is fresh and is not run again. Results hold no time of day and no path
-//! outside the session, so that they are the same bytes on any machine.
+//! outside the session, so they are the same bytes on any machine.
 
 mod align;
 mod calibrate;
@@ -30,7 +30,7 @@ mod variants;
 
 pub use align::{AlignProgress, Aligned, TrackOutcome, align, track_all};
 pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration};
-pub use compare::{CompareRequest, Reference, compare, compare_with, read_comparison};
+pub use compare::{CompareRequest, ReferenceStream, compare, compare_with, read_comparison};
 pub use conditions::Conditions;
 pub use diagnose::{
     Baseline, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose, read_camera,
@@ -47,7 +47,7 @@ pub use generate::{
 };
 pub use model_choice::ModelChoice;
 pub use process::{ProcessRequest, ProcessStep, Processed, SkippedStage, StageResult, process};
-pub use progress::Progress;
+pub use progress::PipelineProgress;
 pub use report::report;
 pub use scene::{SceneMade, read_scene, scene, scene_streams};
 pub use scene_source::white_of;

@@ -4,7 +4,7 @@
 //! bootstrap over sessions: sessions are what another recording day would draw anew, while the blocks
 //! and tiles behind a session's own error are not. One session has no such error, and none is claimed.
 
-use super::{BatchError, Found};
+use super::{BatchError, FoundSession};
 use crate::pipeline::{PipelineError, read_comparison};
 use evrig_core::stats::{Estimate, SplitMix, median};
 use evrig_session::{Session, StreamKind, StreamName};
@@ -35,7 +35,7 @@ pub struct SessionValue {
 
 /// A measure of one variant over the sessions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Cell {
+pub struct MeasureMean {
     /// The measure.
     pub measure: String,
     /// Its name for people.
@@ -52,13 +52,13 @@ pub struct Cell {
 
 /// A variant: a generator on a light, by the name of the stream it makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Variant {
+pub struct VariantMeans {
     /// The stream's name.
     pub name: String,
     /// Sessions that have it.
     pub n_sessions: u64,
     /// Its measures.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<MeasureMean>,
 }
 
 /// The comparison of a dataset.
@@ -75,7 +75,7 @@ pub struct Aggregate {
     /// Draws behind each error.
     pub n_bootstrap: u64,
     /// The variants in the order of their names.
-    pub variants: Vec<Variant>,
+    pub variants: Vec<VariantMeans>,
     /// The same session by session.
     pub sessions: Vec<SessionValue>,
     /// Sessions without a comparison, with the reason.
@@ -83,7 +83,7 @@ pub struct Aggregate {
 }
 
 /// What is fixed about a measure.
-struct Facts {
+struct MeasureFacts {
     id: String,
     name: String,
     healthy: Option<[f64; 2]>,
@@ -92,9 +92,14 @@ struct Facts {
 /// Gathers what the stage `compare` left in the sessions; a session of which nothing can be had is
 /// left out with the reason.
 #[must_use]
-pub fn aggregate(dataset: &str, found: &[&Found], rig: Option<&str>, seed: u64) -> Aggregate {
+pub fn aggregate(
+    dataset: &str,
+    found: &[&FoundSession],
+    rig: Option<&str>,
+    seed: u64,
+) -> Aggregate {
     let mut values = Vec::new();
-    let mut facts: Vec<Facts> = Vec::new();
+    let mut facts: Vec<MeasureFacts> = Vec::new();
     let mut left_out = Vec::new();
     for one in found {
         match &one.session {
@@ -104,7 +109,7 @@ pub fn aggregate(dataset: &str, found: &[&Found], rig: Option<&str>, seed: u64) 
                 if let Err(error) = read {
                     // One session's files must not cost the others their table.
                     let remedy = "run `evrig compare` on it with --force";
-                    let because = one.told(&error.to_string());
+                    let because = one.relative(&error.to_string());
                     left_out.push(format!("{}: {because}; {remedy}", one.key));
                 } else if values.len() == before {
                     left_out.push(format!("{}: no stream of it was compared", one.key));
@@ -133,7 +138,7 @@ fn of_session(
     key: &str,
     session: &Session,
     values: &mut Vec<SessionValue>,
-    facts: &mut Vec<Facts>,
+    facts: &mut Vec<MeasureFacts>,
 ) -> Result<(), PipelineError> {
     let recorded = session.manifest().streams.iter();
     let mut names: Vec<StreamName> = recorded
@@ -148,7 +153,7 @@ fn of_session(
             let id = id.as_str().unwrap_or_default().to_owned();
             if !facts.iter().any(|known| known.id == id) {
                 let (name, healthy) = (measure.name.to_string(), measure.healthy);
-                facts.push(Facts { id: id.clone(), name, healthy });
+                facts.push(MeasureFacts { id: id.clone(), name, healthy });
             }
             values.push(SessionValue {
                 session: key.to_owned(),
@@ -164,15 +169,15 @@ fn of_session(
     Ok(())
 }
 
-fn variant(name: &str, values: &[SessionValue], facts: &[Facts], seed: u64) -> Variant {
+fn variant(name: &str, values: &[SessionValue], facts: &[MeasureFacts], seed: u64) -> VariantMeans {
     let own: Vec<&SessionValue> = values.iter().filter(|value| value.variant == name).collect();
     let mut sessions: Vec<&str> = own.iter().map(|value| value.session.as_str()).collect();
     sessions.dedup();
-    let cell = |facts: &Facts| {
+    let cell = |facts: &MeasureFacts| {
         let of_measure = own.iter().filter(|value| value.measure == facts.id);
         let known: Vec<f64> =
             of_measure.clone().map(|v| v.estimate.value).filter(|v| v.is_finite()).collect();
-        Cell {
+        MeasureMean {
             measure: facts.id.clone(),
             name: facts.name.clone(),
             mean: mean(&known, seed),
@@ -182,7 +187,7 @@ fn variant(name: &str, values: &[SessionValue], facts: &[Facts], seed: u64) -> V
         }
     };
     let cells = facts.iter().map(cell).collect();
-    Variant { name: name.to_owned(), n_sessions: sessions.len() as u64, cells }
+    VariantMeans { name: name.to_owned(), n_sessions: sessions.len() as u64, cells }
 }
 
 /// The mean, with the spread of the means of sessions drawn anew. The plain bootstrap of a mean is too

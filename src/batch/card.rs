@@ -1,6 +1,6 @@
 //! `CARD.md`: what a dataset is, for people who consider using it. Counts only, no claims.
 
-use super::{Index, SplitBy, Verdict};
+use super::{Index, OutcomeKind, SplitBy};
 use std::fmt::Write;
 
 /// The card of a dataset as Markdown.
@@ -19,9 +19,9 @@ pub fn card(index: &Index) -> String {
     }
     text += "| sessions | |\n| --- | ---: |\n";
     for (words, verdict) in [
-        ("processed", Some(Verdict::Ok)),
-        ("processed, with losses", Some(Verdict::WithLosses)),
-        ("failed", Some(Verdict::Failed)),
+        ("processed", Some(OutcomeKind::Ok)),
+        ("processed, with losses", Some(OutcomeKind::WithLosses)),
+        ("failed", Some(OutcomeKind::Failed)),
         ("not processed", None),
     ] {
         let _ = writeln!(text, "| {words} | {} |", index.n_with(verdict));

@@ -2,9 +2,9 @@
 
 use super::run::{process_found, to_process};
 use super::{
-    Aggregate, BatchError, Index, Job, JobState, OnProgress, Outcome, Resources, Slurm, SplitBy,
-    Splits, clear_outcome, lock_dataset, read_job, read_outcome, slurm, walk, write_outcome,
-    write_results,
+    Aggregate, BatchError, Index, JobState, OnProgress, Resources, SessionOutcome, Slurm, SlurmJob,
+    SplitBy, Splits, clear_outcome, lock_dataset, read_job, read_outcome, slurm, walk,
+    write_outcome, write_results,
 };
 use crate::pipeline::ProcessRequest;
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ pub fn submit(
     only_failed: bool,
     resources: Resources,
     max_attempts: u32,
-) -> Result<Option<Job>, BatchError> {
+) -> Result<Option<SlurmJob>, BatchError> {
     let _held = lock_dataset(root)?;
     slurm::refuse_if_under_way(root)?;
     let found = walk(root)?;
@@ -30,7 +30,7 @@ pub fn submit(
     if chosen.is_empty() {
         return Ok(None);
     }
-    let job = Job {
+    let job = SlurmJob {
         schema: "evrig.slurm-job/1".into(),
         sessions: chosen.iter().map(|one| one.key.clone()).collect(),
         arrays: Vec::new(),
@@ -59,14 +59,14 @@ fn arguments(request: &ProcessRequest, splits: &Splits) -> Result<Vec<String>, B
     Ok(arguments)
 }
 
-fn send(root: &Path, job: Job) -> Result<Job, BatchError> {
+fn send(root: &Path, job: SlurmJob) -> Result<SlurmJob, BatchError> {
     for session in &job.sessions {
         clear_outcome(root, session)?;
     }
     Slurm::new(root)?.submit(job)
 }
 
-fn submitted(root: &Path) -> Result<Job, BatchError> {
+fn submitted(root: &Path) -> Result<SlurmJob, BatchError> {
     read_job(root)?.ok_or_else(|| BatchError::Slurm {
         command: "evrig process".into(),
         what: "nothing was submitted for this dataset".into(),
@@ -82,7 +82,7 @@ pub fn run_task(
     number: usize,
     request: &ProcessRequest,
     progress: OnProgress<'_>,
-) -> Result<Outcome, BatchError> {
+) -> Result<SessionOutcome, BatchError> {
     let job = submitted(root)?;
     let key = job.sessions.get(number).ok_or_else(|| BatchError::Slurm {
         command: format!("task {number}"),
@@ -91,7 +91,7 @@ pub fn run_task(
     if let Some(one) = walk(root)?.iter().find(|one| one.key == *key) {
         return process_found(root, one, request, progress);
     }
-    let gone = Outcome::failed(key, "the session no longer exists".into());
+    let gone = SessionOutcome::failed(key, "the session no longer exists".into());
     write_outcome(root, &gone)?;
     Ok(gone)
 }
@@ -100,7 +100,7 @@ pub fn run_task(
 #[derive(Debug)]
 pub enum Gathered {
     /// Tasks that a fault of the machine ended were submitted again.
-    Resubmitted(Job),
+    Resubmitted(SlurmJob),
     /// Every task has its outcome; the dataset's files were written.
     Complete(Box<(Index, Aggregate)>),
 }
@@ -120,19 +120,19 @@ pub fn gather(root: &Path, splits: &Splits, seed: u64) -> Result<Gathered, Batch
             continue;
         }
         match final_failure(&job, states.get(session).copied()) {
-            Some(because) => write_outcome(root, &Outcome::failed(session, because))?,
+            Some(because) => write_outcome(root, &SessionOutcome::failed(session, because))?,
             None => again.push(session.clone()),
         }
     }
     if again.is_empty() {
         return Ok(Gathered::Complete(Box::new(write_results(root, splits, seed)?)));
     }
-    let job = Job { sessions: again, attempt: job.attempt + 1, ..job };
+    let job = SlurmJob { sessions: again, attempt: job.attempt + 1, ..job };
     send(root, job).map(Gathered::Resubmitted)
 }
 
 /// Why a task without an outcome is not tried again; none if it is.
-fn final_failure(job: &Job, state: Option<JobState>) -> Option<String> {
+fn final_failure(job: &SlurmJob, state: Option<JobState>) -> Option<String> {
     let Resources { time_limit, memory, .. } = &job.resources;
     match state {
         Some(JobState::Cancelled) => Some("its task was cancelled".into()),
@@ -154,9 +154,9 @@ fn final_failure(job: &Job, state: Option<JobState>) -> Option<String> {
 #[derive(Debug)]
 pub struct DatasetStatus {
     /// Each session with its outcome and its task's state, as far as there are any.
-    pub sessions: Vec<(String, Option<Outcome>, Option<JobState>)>,
+    pub sessions: Vec<(String, Option<SessionOutcome>, Option<JobState>)>,
     /// What was last submitted.
-    pub job: Option<Job>,
+    pub job: Option<SlurmJob>,
     /// Why Slurm did not answer, as on a machine to which the dataset was copied.
     pub slurm_error: Option<String>,
 }

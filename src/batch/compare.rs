@@ -1,11 +1,11 @@
 //! The comparison of a dataset: each session's simulated streams against its real one.
 
 use super::{
-    Aggregate, BatchError, BatchProgress, Found, Index, IndexedSession, OnProgress, aggregate,
-    index, lock_dataset, lock_session, read_splits, slurm, walk, write_comparison,
+    Aggregate, BatchError, BatchProgress, FoundSession, Index, IndexedSession, OnProgress,
+    aggregate, index, lock_dataset, lock_session, read_splits, slurm, walk, write_comparison,
 };
 use crate::pipeline::{
-    self, CompareRequest, PipelineError, Progress, VariantList, simulated_streams,
+    self, CompareRequest, PipelineError, PipelineProgress, VariantList, simulated_streams,
 };
 use evrig_session::{Session, StreamName};
 use std::path::Path;
@@ -48,7 +48,9 @@ pub fn compare_dataset(
         if let Ok(session) = &one.session {
             match compare_session(session, request, progress) {
                 Err(error @ BatchError::Pipeline(PipelineError::Request(_))) => return Err(error),
-                Err(error) => lost.push(format!("{}: {}", one.key, one.told(&error.to_string()))),
+                Err(error) => {
+                    lost.push(format!("{}: {}", one.key, one.relative(&error.to_string())))
+                }
                 Ok(()) => {}
             }
         }
@@ -61,15 +63,15 @@ pub fn compare_dataset(
 }
 
 fn of_rig<'a>(
-    found: &'a [Found],
+    found: &'a [FoundSession],
     index: &Index,
     wanted: Option<&str>,
-) -> Result<Vec<&'a Found>, BatchError> {
+) -> Result<Vec<&'a FoundSession>, BatchError> {
     let Some(wanted) = wanted else { return Ok(found.iter().collect()) };
     let is_of_rig =
         |session: &IndexedSession| session.rig.as_ref().is_some_and(|rig| rig.starts_with(wanted));
     let all = found.iter().zip(&index.sessions);
-    let chosen: Vec<&Found> =
+    let chosen: Vec<&FoundSession> =
         all.filter(|(_, session)| is_of_rig(session)).map(|(one, _)| one).collect();
     if chosen.is_empty() {
         let known: Vec<&str> = index.rigs.iter().map(|rig| rig.id.as_str()).collect();
@@ -87,7 +89,7 @@ fn compare_session(
     let DatasetCompareRequest { seed, force, .. } = *request;
     let _held = lock_session(session)?;
     if let Some(list) = &request.variants {
-        let stage = |stage: Progress<'_>| progress(BatchProgress::Stage(stage));
+        let stage = |stage: PipelineProgress<'_>| progress(BatchProgress::Stage(stage));
         pipeline::variants(session, list, seed, force, &stage)?.require_any(session)?;
     }
     let streams = match &request.stream {

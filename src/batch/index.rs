@@ -1,6 +1,8 @@
 //! `dataset.json`: what is in a dataset, session by session.
 
-use super::{BatchError, Found, Share, SplitBy, Splits, Verdict, read_outcome, stimulus};
+use super::{
+    BatchError, FoundSession, OutcomeKind, SplitBy, SplitShare, Splits, read_outcome, stimulus,
+};
 use crate::pipeline::read_diagnosis;
 use evrig_analysis::diagnose;
 use evrig_core::effect_id::EffectId;
@@ -23,7 +25,7 @@ pub struct Index {
     /// The version that wrote it.
     pub evrig_version: String,
     /// How it was asked to be split.
-    pub shares: Vec<Share>,
+    pub shares: Vec<SplitShare>,
     /// What no two parts have in common.
     #[serde(default)]
     pub split_by: SplitBy,
@@ -33,7 +35,7 @@ pub struct Index {
     /// The sessions' paths by the name of their part.
     pub splits: BTreeMap<String, Vec<String>>,
     /// The rigs, the most used first.
-    pub rigs: Vec<Rig>,
+    pub rigs: Vec<IndexedRig>,
     /// What a reader should know before taking means over it.
     pub warnings: Vec<String>,
     /// The sessions in the order of their paths.
@@ -42,7 +44,7 @@ pub struct Index {
 
 /// A set-up that sessions were recorded with.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Rig {
+pub struct IndexedRig {
     /// Its name and the beginning of its description's SHA-256; of an import, what it came from.
     pub id: String,
     /// How many sessions.
@@ -78,7 +80,7 @@ pub struct IndexedSession {
     /// The effects it named.
     pub effects: Vec<NamedEffect>,
     /// How its last processing went; none if there was none.
-    pub verdict: Option<Verdict>,
+    pub verdict: Option<OutcomeKind>,
     /// What was lost, or why it failed.
     pub because: Vec<String>,
 }
@@ -113,7 +115,7 @@ pub struct IndexedStream {
 
 /// Makes the index of what was found.
 #[must_use]
-pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
+pub fn index(root: &Path, found: &[FoundSession], splits: &Splits) -> Index {
     let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
     let name = real.file_name().map(|name| name.to_string_lossy().into_owned());
     let sessions: Vec<IndexedSession> = found.iter().map(|one| entry(root, one, splits)).collect();
@@ -128,8 +130,8 @@ pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
             *rigs.entry(rig.clone()).or_default() += 1;
         }
     }
-    let mut rigs: Vec<Rig> =
-        rigs.into_iter().map(|(id, n_sessions)| Rig { id, n_sessions }).collect();
+    let mut rigs: Vec<IndexedRig> =
+        rigs.into_iter().map(|(id, n_sessions)| IndexedRig { id, n_sessions }).collect();
     rigs.sort_by(|a, b| b.n_sessions.cmp(&a.n_sessions).then(a.id.cmp(&b.id)));
     Index {
         schema: "evrig.dataset/1".into(),
@@ -145,7 +147,7 @@ pub fn index(root: &Path, found: &[Found], splits: &Splits) -> Index {
     }
 }
 
-fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
+fn entry(root: &Path, found: &FoundSession, splits: &Splits) -> IndexedSession {
     let outcome = read_outcome(root, &found.key);
     let mut because = outcome.as_ref().map(|o| o.because.clone()).unwrap_or_default();
     let mut verdict = outcome.map(|outcome| outcome.verdict);
@@ -187,7 +189,7 @@ fn entry(root: &Path, found: &Found, splits: &Splits) -> IndexedSession {
             }
         }
         Err(error) => {
-            verdict = Some(Verdict::Failed);
+            verdict = Some(OutcomeKind::Failed);
             because = vec![error.clone()];
         }
     }
@@ -258,7 +260,7 @@ fn streams(session: &Session) -> Vec<IndexedStream> {
     recorded.chain(generated).collect()
 }
 
-fn warnings(sessions: &[IndexedSession], rigs: &[Rig], by: SplitBy) -> Vec<String> {
+fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Vec<String> {
     let mut warnings = Vec::new();
     let is_unstated =
         |session: &&IndexedSession| session.split.is_some() && session.stimulus.is_none();
@@ -316,7 +318,7 @@ impl Index {
 
     /// Sessions with this verdict; `None` counts those never processed.
     #[must_use]
-    pub fn n_with(&self, verdict: Option<Verdict>) -> usize {
+    pub fn n_with(&self, verdict: Option<OutcomeKind>) -> usize {
         self.sessions.iter().filter(|session| session.verdict == verdict).count()
     }
 

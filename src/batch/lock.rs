@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// A lock, held until it is dropped.
 #[derive(Debug)]
-pub struct Held {
+pub struct LockGuard {
     file: File,
 }
 
@@ -17,7 +17,7 @@ pub struct Held {
 ///
 /// # Errors
 /// When another process has it, or nothing can be written there.
-pub fn lock_dataset(root: &Path) -> Result<Held, BatchError> {
+pub fn lock_dataset(root: &Path) -> Result<LockGuard, BatchError> {
     let folder = root.join("batch");
     std::fs::create_dir_all(&folder).map_err(BatchError::io(&folder))?;
     lock(root, &folder.join("lock"))
@@ -27,13 +27,13 @@ pub fn lock_dataset(root: &Path) -> Result<Held, BatchError> {
 ///
 /// # Errors
 /// When another process has it, or nothing can be written there.
-pub fn lock_session(session: &Session) -> Result<Held, BatchError> {
+pub fn lock_session(session: &Session) -> Result<LockGuard, BatchError> {
     let folder = session.root().join("derived");
     std::fs::create_dir_all(&folder).map_err(BatchError::io(&folder))?;
     lock(session.root(), &folder.join("lock"))
 }
 
-fn lock(what: &Path, path: &Path) -> Result<Held, BatchError> {
+fn lock(what: &Path, path: &Path) -> Result<LockGuard, BatchError> {
     let open = File::options().read(true).write(true).create(true).truncate(false).open(path);
     let mut file = open.map_err(BatchError::io(path))?;
     match file.try_lock() {
@@ -49,7 +49,7 @@ fn lock(what: &Path, path: &Path) -> Result<Held, BatchError> {
     file.set_len(0).map_err(BatchError::io(path))?;
     let whom = format!("process {} on {}", std::process::id(), host());
     file.write_all(whom.as_bytes()).map_err(BatchError::io(path))?;
-    Ok(Held { file })
+    Ok(LockGuard { file })
 }
 
 fn host() -> String {
@@ -57,7 +57,7 @@ fn host() -> String {
     if name.trim().is_empty() { "this machine".into() } else { name.trim().to_owned() }
 }
 
-impl Drop for Held {
+impl Drop for LockGuard {
     fn drop(&mut self) {
         // An empty file tells nothing of a run that is over; the lock itself ends with the file.
         let _ = self.file.set_len(0);

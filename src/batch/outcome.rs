@@ -1,14 +1,14 @@
-//! What became of each session: `batch/outcomes/<session>.json`.
+//! The outcome of each session: `batch/outcomes/<session>.json`.
 
 use super::BatchError;
 use evrig_session::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// How a session fared.
+/// How the processing of a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum OutcomeKind {
     /// Every stage that had its inputs ran.
     Ok,
     /// The same, but something of the recording or of a stage was lost.
@@ -17,7 +17,7 @@ pub enum Verdict {
     Failed,
 }
 
-impl std::fmt::Display for Verdict {
+impl std::fmt::Display for OutcomeKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {
             Self::Ok => "ok",
@@ -27,20 +27,20 @@ impl std::fmt::Display for Verdict {
     }
 }
 
-/// What became of a session.
+/// The outcome of a session.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct SessionOutcome {
     /// `evrig.outcome/1`.
     pub schema: String,
     /// The session's path in the dataset.
     pub session: String,
-    /// How it fared.
-    pub verdict: Verdict,
+    /// How it ended.
+    pub verdict: OutcomeKind,
     /// What was lost, or why it failed.
     pub because: Vec<String>,
-    /// Stages that have a result now, by name and stream as they were told.
+    /// Number of stage results.
     pub n_stages: u64,
-    /// Stages for which there was no input, or which could not tell anything.
+    /// Stages without input, or without a result.
     pub left_out: Vec<LeftOut>,
     /// The version that ran them.
     pub evrig_version: String,
@@ -55,7 +55,7 @@ pub struct LeftOut {
     pub because: String,
 }
 
-impl Outcome {
+impl SessionOutcome {
     /// The outcome in a line.
     #[must_use]
     pub fn summary(&self) -> String {
@@ -72,7 +72,7 @@ impl Outcome {
         Self {
             schema: "evrig.outcome/1".into(),
             session: session.into(),
-            verdict: Verdict::Failed,
+            verdict: OutcomeKind::Failed,
             because: vec![because],
             n_stages: 0,
             left_out: Vec::new(),
@@ -87,7 +87,7 @@ fn path(root: &Path, session: &str) -> PathBuf {
 
 /// The outcome of a session's last run; none when there was none, or it was cut off.
 #[must_use]
-pub fn read_outcome(root: &Path, session: &str) -> Option<Outcome> {
+pub fn read_outcome(root: &Path, session: &str) -> Option<SessionOutcome> {
     let text = std::fs::read_to_string(path(root, session)).ok()?;
     serde_json::from_str(&text).ok()
 }
@@ -110,7 +110,7 @@ pub fn clear_outcome(root: &Path, session: &str) -> Result<(), BatchError> {
 ///
 /// # Errors
 /// When the disk refuses.
-pub fn write_outcome(root: &Path, outcome: &Outcome) -> Result<(), BatchError> {
+pub fn write_outcome(root: &Path, outcome: &SessionOutcome) -> Result<(), BatchError> {
     let path = path(root, &outcome.session);
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(BatchError::io(folder))?;

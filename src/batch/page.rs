@@ -1,6 +1,6 @@
-//! A dataset as pages.
+//! Report and comparison of a dataset as pages.
 
-use super::{Aggregate, Index, IndexedSession, NamedEffect, Verdict};
+use super::{Aggregate, Index, IndexedSession, NamedEffect, OutcomeKind};
 use evrig_core::stats::{Estimate, Moments};
 use evrig_report::figure::FileLink;
 use evrig_report::number::{count, quantity};
@@ -30,9 +30,9 @@ pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
     let said = format!(
         "{} sessions: {} processed, {} with losses, {} failed.",
         index.sessions.len(),
-        n(Some(Verdict::Ok)),
-        n(Some(Verdict::WithLosses)),
-        n(Some(Verdict::Failed)),
+        n(Some(OutcomeKind::Ok)),
+        n(Some(OutcomeKind::WithLosses)),
+        n(Some(OutcomeKind::Failed)),
     );
     let totals = index.totals();
     let n_real = totals.get(&("real".to_owned(), StreamKind::Events.to_string()));

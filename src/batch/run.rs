@@ -1,10 +1,11 @@
 //! The sessions of a dataset one after another; a session that fails does not stop the others.
 
 use super::{
-    Aggregate, BatchError, Found, Index, LeftOut, Outcome, Splits, Verdict, clear_outcome, is_disk,
-    lock_dataset, lock_session, read_outcome, slurm, walk, write_outcome, write_results,
+    Aggregate, BatchError, FoundSession, Index, LeftOut, OutcomeKind, SessionOutcome, Splits,
+    clear_outcome, is_disk, lock_dataset, lock_session, read_outcome, slurm, walk, write_outcome,
+    write_results,
 };
-use crate::pipeline::{self, ProcessRequest, Processed, Progress};
+use crate::pipeline::{self, PipelineProgress, ProcessRequest, Processed};
 use evrig_session::Session;
 use std::error::Error;
 use std::panic::AssertUnwindSafe;
@@ -18,11 +19,11 @@ pub enum BatchProgress<'a> {
     /// A session is begun.
     Begun(&'a str),
     /// A session has its outcome.
-    Ended(&'a Outcome),
+    Ended(&'a SessionOutcome),
     /// A session was compared.
     Compared(&'a str),
     /// Progress within a session.
-    Stage(Progress<'a>),
+    Stage(PipelineProgress<'a>),
 }
 
 /// Receiver of [`BatchProgress`].
@@ -35,7 +36,7 @@ pub type OnProgress<'a> = &'a (dyn Fn(BatchProgress<'_>) + Sync);
 pub fn process_session(
     path: &Path,
     request: &ProcessRequest,
-    progress: &(dyn Fn(Progress<'_>) + Sync),
+    progress: &(dyn Fn(PipelineProgress<'_>) + Sync),
 ) -> Result<Processed, BatchError> {
     let session = Session::open(path)?;
     let _held = lock_session(&session)?;
@@ -67,9 +68,13 @@ pub fn process_dataset(
 }
 
 /// The sessions to process: all, or those without an outcome or with a failure.
-pub(super) fn to_process<'a>(root: &Path, found: &'a [Found], only_failed: bool) -> Vec<&'a Found> {
-    let has_failed = |one: &&Found| {
-        read_outcome(root, &one.key).is_none_or(|outcome| outcome.verdict == Verdict::Failed)
+pub(super) fn to_process<'a>(
+    root: &Path,
+    found: &'a [FoundSession],
+    only_failed: bool,
+) -> Vec<&'a FoundSession> {
+    let has_failed = |one: &&FoundSession| {
+        read_outcome(root, &one.key).is_none_or(|outcome| outcome.verdict == OutcomeKind::Failed)
     };
     found.iter().filter(|one| !only_failed || has_failed(one)).collect()
 }
@@ -80,13 +85,13 @@ pub(super) fn to_process<'a>(root: &Path, found: &'a [Found], only_failed: bool)
 /// [`BatchError::Disk`] when the disk refuses, which would stop every other session too.
 pub(super) fn process_found(
     root: &Path,
-    one: &Found,
+    one: &FoundSession,
     request: &ProcessRequest,
     progress: OnProgress<'_>,
-) -> Result<Outcome, BatchError> {
+) -> Result<SessionOutcome, BatchError> {
     clear_outcome(root, &one.key)?;
     let outcome = match &one.session {
-        Err(because) => Outcome::failed(&one.key, because.clone()),
+        Err(because) => SessionOutcome::failed(&one.key, because.clone()),
         Ok(_) => {
             let run = AssertUnwindSafe(|| process_and_report(one, request, progress));
             // A bug that one session triggers must not cost the others.
@@ -96,8 +101,8 @@ pub(super) fn process_found(
                     let (session, source) = (one.key.clone(), Box::new(error));
                     return Err(BatchError::Disk { session, source });
                 }
-                Ok(Err(error)) => Outcome::failed(&one.key, one.told(&chain(&error))),
-                Err(_) => Outcome::failed(
+                Ok(Err(error)) => SessionOutcome::failed(&one.key, one.relative(&chain(&error))),
+                Err(_) => SessionOutcome::failed(
                     &one.key,
                     "evrig itself failed with the message above; please report this bug".into(),
                 ),
@@ -109,7 +114,7 @@ pub(super) fn process_found(
 }
 
 fn process_and_report(
-    one: &Found,
+    one: &FoundSession,
     request: &ProcessRequest,
     progress: OnProgress<'_>,
 ) -> Result<Processed, BatchError> {
@@ -121,20 +126,26 @@ fn process_and_report(
     Ok(processed)
 }
 
-fn outcome(one: &Found, processed: &Processed) -> Outcome {
+fn outcome(one: &FoundSession, processed: &Processed) -> SessionOutcome {
     let left_out: Vec<LeftOut> = processed
         .skipped()
-        .map(|left| LeftOut { stage: left.stage.into(), because: one.told(&left.because) })
+        .map(|left| LeftOut { stage: left.stage.into(), because: one.relative(&left.because) })
         .collect();
     let losses = processed.losses.iter();
     let mut because: Vec<String> =
-        losses.map(|loss| one.told(&format!("{}: {}", loss.stream, loss.what))).collect();
-    let verdict = if processed.n_lost == 0 { Verdict::Ok } else { Verdict::WithLosses };
-    if verdict == Verdict::WithLosses && because.is_empty() {
+        losses.map(|loss| one.relative(&format!("{}: {}", loss.stream, loss.what))).collect();
+    let verdict = if processed.n_lost == 0 { OutcomeKind::Ok } else { OutcomeKind::WithLosses };
+    if verdict == OutcomeKind::WithLosses && because.is_empty() {
         because.extend(left_out.iter().map(|left| format!("{}: {}", left.stage, left.because)));
     }
     let n_stages = processed.results().count() as u64;
-    Outcome { verdict, because, n_stages, left_out, ..Outcome::failed(&one.key, String::new()) }
+    SessionOutcome {
+        verdict,
+        because,
+        n_stages,
+        left_out,
+        ..SessionOutcome::failed(&one.key, String::new())
+    }
 }
 
 fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {

@@ -1,9 +1,8 @@
-//! A dataset on Slurm: an array job with a task a session, and a job behind it that gathers.
+//! A dataset on Slurm: an array job with one task per session, and a job after it that gathers.
 //!
-//! The scheduling is Slurm's alone. What is here writes two scripts into `batch/slurm`, hands them to
-//! `sbatch`, and reads `squeue`. A task writes its session's outcome last of all, so that a task without
-//! an outcome is one that was cut off; the gathering job submits those again that a fault of the
-//! machine cut off, until they were tried as often as was asked for.
+//! Slurm does the scheduling. This module writes two scripts into `batch/slurm`, submits them with
+//! `sbatch`, and reads `squeue`. A task writes its session's outcome last, so a task without an outcome
+//! was interrupted; the gathering job submits it again up to the given number of attempts.
 
 mod queue;
 mod script;
@@ -37,7 +36,7 @@ pub struct Resources {
 
 /// What was submitted: `batch/slurm/job.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Job {
+pub struct SlurmJob {
     /// `evrig.slurm-job/1`.
     pub schema: String,
     /// The sessions; a task's number is its session's place here.
@@ -82,7 +81,7 @@ impl Slurm {
     ///
     /// # Errors
     /// When the scripts cannot be written, or `sbatch` refuses.
-    pub fn submit(&self, mut job: Job) -> Result<Job, BatchError> {
+    pub fn submit(&self, mut job: SlurmJob) -> Result<SlurmJob, BatchError> {
         let logs = self.folder().join("logs");
         std::fs::create_dir_all(&logs).map_err(BatchError::io(&logs))?;
         let tasks = self.folder().join("tasks.sh");
@@ -120,7 +119,7 @@ impl Slurm {
         Ok(job)
     }
 
-    fn options(&self, job: &Job, name: &str) -> Vec<String> {
+    fn options(&self, job: &SlurmJob, name: &str) -> Vec<String> {
         let Resources { cpus, memory, time_limit, options, .. } = &job.resources;
         let mut all = vec![
             format!("--job-name={name}"),
@@ -133,7 +132,7 @@ impl Slurm {
         all
     }
 
-    fn write(&self, job: &Job) -> Result<(), BatchError> {
+    fn write(&self, job: &SlurmJob) -> Result<(), BatchError> {
         let path = self.folder().join("job.json");
         let text = serde_json::to_string_pretty(job)
             .map_err(|e| BatchError::Malformed { path: path.clone(), what: e.to_string() })?;
@@ -144,7 +143,7 @@ impl Slurm {
     ///
     /// # Errors
     /// When `squeue` does not answer.
-    pub fn states(&self, job: &Job) -> Result<BTreeMap<String, JobState>, BatchError> {
+    pub fn states(&self, job: &SlurmJob) -> Result<BTreeMap<String, JobState>, BatchError> {
         let mut states = BTreeMap::new();
         for (number, first) in &job.arrays {
             for (task, state) in queue::tasks(*number)? {
@@ -160,7 +159,7 @@ impl Slurm {
     ///
     /// # Errors
     /// When `squeue` does not answer.
-    pub fn is_under_way(&self, job: &Job) -> Result<bool, BatchError> {
+    pub fn is_under_way(&self, job: &SlurmJob) -> Result<bool, BatchError> {
         if self.states(job)?.values().any(|state| state.is_under_way()) {
             return Ok(true);
         }
@@ -173,7 +172,7 @@ impl Slurm {
 ///
 /// # Errors
 /// When its record cannot be understood.
-pub fn read_job(root: &Path) -> Result<Option<Job>, BatchError> {
+pub fn read_job(root: &Path) -> Result<Option<SlurmJob>, BatchError> {
     let path = root.join("batch/slurm/job.json");
     let text = match std::fs::read_to_string(&path) {
         Ok(text) => text,

@@ -1,5 +1,5 @@
-//! Which session is for training, which for judging: by a hash, so that a session that is added moves
-//! no other one, and the same recording under two names never stands on both sides.
+//! Splits into training and evaluation parts by a hash: an added session moves no other one, and two
+//! copies of a recording are always in the same part.
 
 use super::BatchError;
 use evrig_session::{Manifest, sha256_of_bytes};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// A named part of a dataset.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Share {
+pub struct SplitShare {
     /// Its name: `train`.
     pub name: String,
     /// Its part of all sessions, 0 to 1.
@@ -29,14 +29,14 @@ pub enum SplitBy {
 /// How a dataset is split; the shares add up to one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Splits {
-    shares: Vec<Share>,
+    shares: Vec<SplitShare>,
     by: SplitBy,
     seed: u64,
 }
 
 impl Default for Splits {
     fn default() -> Self {
-        let share = |name: &str, share| Share { name: name.into(), share };
+        let share = |name: &str, share| SplitShare { name: name.into(), share };
         Self::of_shares(vec![share("train", 0.8), share("val", 0.1), share("test", 0.1)])
     }
 }
@@ -48,7 +48,7 @@ impl Splits {
     /// When a part has no name or no share, or the shares do not add up to one.
     pub fn parse(text: &str) -> Result<Self, BatchError> {
         let wrong = |what: String| BatchError::Splits { text: text.to_owned(), what };
-        let mut shares: Vec<Share> = Vec::new();
+        let mut shares: Vec<SplitShare> = Vec::new();
         for part in text.split(',') {
             let Some((name, share)) = part.split_once('=') else {
                 return Err(wrong(format!("`{part}` has no `=`")));
@@ -62,7 +62,7 @@ impl Splits {
             if !(0.0..=1.0).contains(&share) {
                 return Err(wrong(format!("{share} is no share between 0 and 1")));
             }
-            shares.push(Share { name, share });
+            shares.push(SplitShare { name, share });
         }
         let sum: f64 = shares.iter().map(|share| share.share).sum();
         if (sum - 1.0).abs() > 1e-6 {
@@ -71,7 +71,7 @@ impl Splits {
         Ok(Self::of_shares(shares))
     }
 
-    pub(super) fn of_shares(shares: Vec<Share>) -> Self {
+    pub(super) fn of_shares(shares: Vec<SplitShare>) -> Self {
         Self { shares, by: SplitBy::default(), seed: 0 }
     }
 
@@ -91,7 +91,7 @@ impl Splits {
 
     /// The parts.
     #[must_use]
-    pub fn shares(&self) -> &[Share] {
+    pub fn shares(&self) -> &[SplitShare] {
         &self.shares
     }
 
@@ -144,7 +144,7 @@ pub fn stimulus(manifest: &Manifest) -> Option<&str> {
     shown.description.get("sha256")?.as_str()
 }
 
-/// A number from 0 to below 1 that looks like chance and is the same for the same text.
+/// A pseudorandom number in 0..1 determined by the text.
 fn fraction(text: &str) -> f64 {
     let hash = sha256_of_bytes(text.as_bytes()).to_string();
     let head = u64::from_str_radix(hash.get(..12).unwrap_or("0"), 16).unwrap_or(0);

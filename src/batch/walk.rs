@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 /// Folders between a dataset and its sessions.
 const MAX_DEPTH: usize = 4;
 
-/// What was found where a session should be.
+/// A directory that should be a session.
 #[derive(Debug)]
-pub struct Found {
+pub struct FoundSession {
     /// Its path in the dataset, with `/` between the parts: its name in every table.
     pub key: String,
     /// Where it is.
@@ -18,11 +18,11 @@ pub struct Found {
     pub session: Result<Session, String>,
 }
 
-impl Found {
-    /// A text about the session with its path in the dataset in place of its place on this machine,
-    /// so that a run elsewhere leaves the same words.
+impl FoundSession {
+    /// A message with the session's path on this machine replaced by its path in the dataset, so that
+    /// results do not depend on the machine.
     #[must_use]
-    pub fn told(&self, text: &str) -> String {
+    pub fn relative(&self, text: &str) -> String {
         text.replace(&self.path.display().to_string(), &self.key)
     }
 }
@@ -38,7 +38,7 @@ pub fn is_dataset(path: &Path) -> bool {
 ///
 /// # Errors
 /// When the directory cannot be read, or holds no session.
-pub fn walk(root: &Path) -> Result<Vec<Found>, BatchError> {
+pub fn walk(root: &Path) -> Result<Vec<FoundSession>, BatchError> {
     let mut paths = Vec::new();
     collect(root, MAX_DEPTH, &mut paths)?;
     if paths.is_empty() {
@@ -48,18 +48,18 @@ pub fn walk(root: &Path) -> Result<Vec<Found>, BatchError> {
                 .into(),
         });
     }
-    let mut found: Vec<Found> = paths.into_iter().map(|path| open(root, path)).collect();
+    let mut found: Vec<FoundSession> = paths.into_iter().map(|path| open(root, path)).collect();
     found.sort_by(|a, b| a.key.cmp(&b.key));
     Ok(found)
 }
 
-fn open(root: &Path, path: PathBuf) -> Found {
+fn open(root: &Path, path: PathBuf) -> FoundSession {
     let inside = path.strip_prefix(root).unwrap_or(&path);
     let parts: Vec<_> =
         inside.components().map(|part| part.as_os_str().to_string_lossy()).collect();
     let key = parts.join("/");
-    let mut found = Found { key, path, session: Err(String::new()) };
-    found.session = Session::open(&found.path).map_err(|error| found.told(&error.to_string()));
+    let mut found = FoundSession { key, path, session: Err(String::new()) };
+    found.session = Session::open(&found.path).map_err(|error| found.relative(&error.to_string()));
     found
 }
 

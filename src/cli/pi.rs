@@ -32,8 +32,8 @@ pub struct PiArgs {
     pub spool_gb: f64,
 
     /// Where frames come from
-    #[arg(long, value_enum, default_value_t = PiCamera::Picamera2)]
-    pub camera: PiCamera,
+    #[arg(long, value_enum, default_value_t = PiCameraArg::Picamera2)]
+    pub camera: PiCameraArg,
 
     /// Python interpreter with picamera2
     #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
@@ -63,7 +63,7 @@ pub struct PiArgs {
 
 /// A camera of the agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PiCamera {
+pub enum PiCameraArg {
     /// The Pi's own
     Picamera2,
     /// A test pattern that encodes frame, column and row

@@ -30,7 +30,7 @@ pub struct VerifyArgs {
 
 /// Formats of `evrig export`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ExportFormat {
+pub enum ExportFormatArg {
     /// NumPy arrays in one file
     Npz,
     /// HDF5 in DSEC's layout, gzip: events/{x,y,t,p}, ms_to_idx, t_offset
@@ -78,7 +78,7 @@ pub struct ExportArgs {
 
     /// The format [default: by the file name's extension (.npz, .h5, .parquet, .aedat4, .mcap, .rrd), else npz]
     #[arg(long, value_enum)]
-    pub format: Option<ExportFormat>,
+    pub format: Option<ExportFormatArg>,
 
     /// Events or frames, where both have the name, as frames and the events generated from them
     /// [default: the events]

@@ -30,7 +30,7 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     }
     let (mut values, mut left_out) = (Vec::new(), Vec::new());
     let mut text = String::new();
-    let mut reference = pipeline::Reference::new(&session, &args.real);
+    let mut reference = pipeline::ReferenceStream::new(&session, &args.real);
     for stream in streams {
         let request = CompareRequest {
             real: args.real.clone(),

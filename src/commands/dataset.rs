@@ -5,8 +5,8 @@ mod text;
 use super::progress::ProgressDisplay;
 use super::{Ending, Output, WrongUse};
 use crate::batch::{
-    self, Aggregate, BatchProgress, DatasetCompareRequest, Gathered, Index, Job, Resources,
-    SplitBy, Splits, Verdict,
+    self, Aggregate, BatchProgress, DatasetCompareRequest, Gathered, Index, OutcomeKind, Resources,
+    SlurmJob, SplitBy, Splits,
 };
 use crate::cli::{BatchArgs, CompareArgs, Engine, EngineArgs, ReportArgs, SplitByArg};
 use crate::pipeline::{ModelChoice, ProcessRequest, VariantList};
@@ -36,7 +36,7 @@ pub(super) fn process(
     if let Some(number) = args.task {
         let outcome = batch::run_task(root, number, request, &progress)?;
         output.result(&outcome, format_args!("{}: {}", outcome.session, outcome.summary()))?;
-        let is_ok = outcome.verdict == Verdict::Ok;
+        let is_ok = outcome.verdict == OutcomeKind::Ok;
         return Ok(if is_ok { Ending::Done } else { Ending::WithLosses });
     }
     if args.gather {
@@ -68,9 +68,9 @@ fn results(
     let value = json!({
         "schema": "evrig.process-dataset/1",
         "dataset": index.name,
-        "n_ok": index.n_with(Some(Verdict::Ok)),
-        "n_with_losses": index.n_with(Some(Verdict::WithLosses)),
-        "n_failed": index.n_with(Some(Verdict::Failed)),
+        "n_ok": index.n_with(Some(OutcomeKind::Ok)),
+        "n_with_losses": index.n_with(Some(OutcomeKind::WithLosses)),
+        "n_failed": index.n_with(Some(OutcomeKind::Failed)),
         "n_not_processed": index.n_with(None),
         "warnings": index.warnings,
         "sessions": index.sessions,
@@ -79,7 +79,7 @@ fn results(
     index.warnings.iter().for_each(|warning| output.warn(warning));
     let report = root.join("report.html");
     output.result(&value, format_args!("{}report: {}", text::sessions(index), report.display()))?;
-    let is_whole = index.n_with(Some(Verdict::Ok)) == index.sessions.len();
+    let is_whole = index.n_with(Some(OutcomeKind::Ok)) == index.sessions.len();
     Ok(if is_whole { Ending::Done } else { Ending::WithLosses })
 }
 
@@ -120,7 +120,7 @@ fn submit(
     Ok(Ending::Done)
 }
 
-fn arrays(job: &Job) -> String {
+fn arrays(job: &SlurmJob) -> String {
     let arrays: Vec<String> = job.arrays.iter().map(|(id, _)| id.to_string()).collect();
     arrays.join(", ")
 }

@@ -1,7 +1,7 @@
 //! `demo`: from the recording to the report on a machine without hardware.
 
 use super::progress::ProgressDisplay;
-use super::record::{self, Take};
+use super::record::{self, RecordedTake};
 use super::{Ending, Output, process};
 use crate::batch;
 use crate::cli::DemoArgs;
@@ -56,7 +56,7 @@ fn free_directory() -> PathBuf {
 }
 
 /// Streams, event ratios and the diagnosis in a few lines.
-fn findings(take: &Take, processed: &Processed) -> anyhow::Result<String> {
+fn findings(take: &RecordedTake, processed: &Processed) -> anyhow::Result<String> {
     let mut text = String::new();
     let streams = take.manifest.streams.iter();
     let shown = streams.filter(|s| matches!(s.kind, StreamKind::Events | StreamKind::Frames));

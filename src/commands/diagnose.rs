@@ -1,9 +1,9 @@
-//! `evrig diagnose`: the mismatch located, the missing physics named, the gain shown.
+//! `evrig diagnose`: where simulated and recorded events differ, and which effects explain it.
 
 use super::progress::ProgressDisplay;
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs};
-use crate::pipeline::{self, Baseline, DiagnoseRequest, Progress};
+use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineProgress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
 
@@ -24,14 +24,14 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
     };
     let display = ProgressDisplay::new(output);
     let (diagnosis, _) = pipeline::diagnose(&session, &request, &mut |what| {
-        display.show(Progress::Diagnosis(what));
+        display.show(PipelineProgress::Diagnosis(what));
     })?;
     drop(display);
     output.result(&serde_json::to_value(&diagnosis)?, text(&diagnosis))?;
     Ok(Ending::Done)
 }
 
-/// What was asked for, or what the session has.
+/// The baseline of the command line, or the default of the session.
 fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> {
     let frames = || args.from.as_deref().or_else(|| pipeline::default_light(session));
     let found = match args.baseline {
@@ -45,8 +45,8 @@ fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> 
     };
     found.ok_or_else(|| {
         anyhow::anyhow!(
-            "{} has neither a scene nor frames on the events' pixel grid that say what light the \
-             events saw; run `evrig scene`, or record with the camera's own frames on",
+            "{} has neither a scene nor frames on the events' pixel grid; \
+             run `evrig scene`, or record with the camera's own frames on",
             args.session.display()
         )
     })
@@ -56,7 +56,7 @@ fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> 
 pub(super) fn text(diagnosis: &Diagnosis) -> String {
     let scores = &diagnosis.fit.heldout_nats_per_event;
     let mut text = match diagnosis.verdict {
-        DiagnosisVerdict::NoMismatch => "no mismatch: the model holds".to_owned(),
+        DiagnosisVerdict::NoMismatch => "no mismatch: the model fits".to_owned(),
         DiagnosisVerdict::Explained => "explained".to_owned(),
         DiagnosisVerdict::PartlyExplained => "partly explained".to_owned(),
         DiagnosisVerdict::Unexplained => {
@@ -64,7 +64,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         }
     };
     text += &format!(
-        "\nheld-out score, nats per event: baseline {:.3}, final {:.3}, ceiling {:.3}",
+        "\nheld-out log-likelihood, nats per event: baseline {:.3}, final {:.3}, upper bound {:.3}",
         scores.baseline, scores.r#final, scores.upper_bound
     );
     if let Some(share) = diagnosis.share_removed() {
@@ -74,7 +74,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         let gain = effect.heldout_gain_nats_per_event;
         text += &format!("\n{}: {}", effect.name, effect.description);
         text += &if effect.is_beside_the_score() {
-            " (seen in the frames or over the whole sensor)".to_owned()
+            " (measured in the frames or sensor-wide)".to_owned()
         } else {
             format!(" (+{gain:.3} nats per event)")
         };
@@ -87,7 +87,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         }
         if !effect.indistinguishable.is_empty() {
             let ids: Vec<&str> = effect.indistinguishable.iter().map(|id| id.as_str()).collect();
-            text += &format!("\n  fits as well: {}", ids.join(", "));
+            text += &format!("\n  indistinguishable: {}", ids.join(", "));
         }
     }
     for suspect in &diagnosis.rejected_effects {
@@ -106,7 +106,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
         text += &format!("\n{says}");
     }
     if let Some(next) = &diagnosis.next_recording {
-        text += &format!("\nto tell them apart record {next}");
+        text += &format!("\nto distinguish them, record {next}");
     }
     text
 }

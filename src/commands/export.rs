@@ -1,17 +1,17 @@
 //! `evrig export`: a stream in a format other programs read.
 
 use super::{Ending, Output};
-use crate::cli::{ExportArgs, ExportFormat as Chosen, ExportKind};
-use crate::export::{Cut, ExportFormat, ExportRequest, export};
+use crate::cli::{ExportArgs, ExportFormatArg as Chosen, ExportKind};
+use crate::export::{EventSelection, ExportFormat, ExportRequest, export};
 use evrig_session::{Session, StreamKind};
 use serde_json::json;
 
 pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
     let cut = match (args.canvas, args.filtered) {
-        (Some(side), _) => Cut::Canvas(side),
-        (None, true) => Cut::Picture,
-        (None, false) => Cut::Whole,
+        (Some(side), _) => EventSelection::Canvas(side),
+        (None, true) => EventSelection::Picture,
+        (None, false) => EventSelection::Whole,
     };
     let (stream, out) = (args.stream.clone(), args.out.clone());
     let kind = args.kind.map(|kind| match kind {
@@ -29,7 +29,7 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
     }
     let mut words: Vec<String> = made.n_events.map(|n| format!("{n} events")).into_iter().collect();
     words.extend(made.arrays.iter().map(|array| format!("{} {:?}", array.name, array.shape)));
-    words.extend(made.beside.iter().map(|path| format!("beside it {}", path.display())));
+    words.extend(made.beside.iter().map(|path| format!("also {}", path.display())));
     for because in &made.left_out {
         output.say(format!("left out: {because}"));
     }

@@ -1,4 +1,4 @@
-//! `evrig filter`: event streams cut to the picture and freed of noise.
+//! `evrig filter`: event streams cropped to the target, without noise.
 
 use super::{Ending, Output, stream_name};
 use crate::cli::{FilterArgs, FilterChoice};

@@ -10,7 +10,7 @@ pub(super) use variants::value as variants_value;
 use super::progress::ProgressDisplay;
 use super::{Ending, Output, WrongUse, stream_name};
 use crate::cli::{ConditionArgs, GenerateArgs};
-use crate::pipeline::{self, Conditions, GenerateRequest, Progress};
+use crate::pipeline::{self, Conditions, GenerateRequest, PipelineProgress};
 use anyhow::Context;
 use evrig_generate::effect::EffectSet;
 use evrig_generate::input::{Colour, FramePreparation};
@@ -46,7 +46,7 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     };
     let display = ProgressDisplay::new(output);
     let made = pipeline::generate(&session, &request, &mut |done, total| {
-        display.show(Progress::Stage { stage: "generate", stream: name, done, total });
+        display.show(PipelineProgress::Stage { stage: "generate", stream: name, done, total });
     })?;
     drop(display);
     output.result(&value(&request, &made), text(&request, &made))?;

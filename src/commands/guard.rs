@@ -1,4 +1,4 @@
-//! `guard`: owns the arm's port for an evrig at the other end of the pipe.
+//! `guard`: owns the arm's port for the evrig process at the other end of the pipe.
 
 use super::{Ending, Output};
 use crate::cli::GuardArgs;

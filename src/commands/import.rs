@@ -1,4 +1,4 @@
-//! `evrig import`: recordings made elsewhere become sessions.
+//! `evrig import`: recordings of other software become sessions.
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ImportAedat4Args, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs};

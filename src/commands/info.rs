@@ -1,4 +1,4 @@
-//! `evrig info`: what is in a session, counted from its files.
+//! `evrig info`: the streams of a session, counted from its files.
 
 use super::{Ending, Output};
 use crate::cli::InfoArgs;
@@ -116,7 +116,7 @@ impl StreamInfo {
         Self { made_by: "generate".into(), ..Self::from_manifest(&entry) }
     }
 
-    /// Puts what the file really holds in place of what was said.
+    /// Replaces the manifest's counts by those of the file.
     fn count_from(&mut self, found: &evrig_session::StreamCounts) {
         self.width = found.size.map(|size| size.width);
         self.height = found.size.map(|size| size.height);

@@ -5,7 +5,7 @@ use super::plan::refused;
 use super::{Ending, Output, WrongUse};
 use crate::cli::LiveArgs;
 use crate::drivers::{OpenOptions, OpenRig, replay};
-use crate::live::{Addresses, Generation, GenerationSettings, Live, Status};
+use crate::live::{Addresses, Generation, GenerationSettings, Live, LiveStatus};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
 use evrig_record::recorder::{
@@ -142,7 +142,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<LiveSource> {
 
 /// What there was in all.
 struct Watched {
-    status: Status,
+    status: LiveStatus,
     n_samples: u64,
     n_events: u64,
 }
@@ -196,7 +196,7 @@ fn watch(
     Ok(watched)
 }
 
-fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<Status> {
+fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<LiveStatus> {
     let mut n_dropped = 0;
     for recorder in &mut source.recorders {
         n_dropped += recorder.progress()?.n_dropped;

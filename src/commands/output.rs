@@ -1,4 +1,4 @@
-//! Where words go: results on stdout, everything else on stderr.
+//! Output: results on stdout, everything else on stderr.
 
 use crate::cli::GlobalArgs;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -7,7 +7,7 @@ use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// What the user asked to see.
+/// The output that the user asked for.
 #[derive(Debug, Clone, Copy)]
 pub struct Output {
     global: GlobalArgs,
@@ -67,11 +67,11 @@ impl Output {
     pub fn error(&self, error: &anyhow::Error) {
         let mut stderr = std::io::stderr().lock();
         let _ = write!(stderr, "error: {error}");
-        let mut said = error.to_string();
+        let mut printed = error.to_string();
         for cause in error.chain().skip(1).map(ToString::to_string) {
-            if !said.contains(&cause) {
+            if !printed.contains(&cause) {
                 let _ = write!(stderr, ": {cause}");
-                said = cause;
+                printed = cause;
             }
         }
         let _ = writeln!(stderr);

@@ -2,7 +2,7 @@
 
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
-use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCamera};
+use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCameraArg};
 use crate::live::{Generation, GenerationSettings, GenerationTally, PiLight};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
@@ -25,8 +25,8 @@ use std::time::{Duration, Instant};
 
 pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
     let camera: Box<dyn FrameSource> = match args.camera {
-        PiCamera::Picamera2 => Box::new(Picamera::new(&args.python)),
-        PiCamera::Synthetic => Box::new(Synthetic::paced()),
+        PiCameraArg::Picamera2 => Box::new(Picamera::new(&args.python)),
+        PiCameraArg::Synthetic => Box::new(Synthetic::paced()),
     };
     if let Some(address) = args.events {
         return generate_here(args, address, camera, output);

@@ -1,4 +1,4 @@
-//! `plan`: what a trajectory will do on a rig, and whether the arm can.
+//! `plan`: a trajectory on a rig, and whether the arm can run it.
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::PlanArgs;
@@ -21,7 +21,7 @@ pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
             .with_context(|| format!("cannot write the plot {}", file.display()))?;
         output.say(format_args!("the plot is in {}", file.display()));
     }
-    output.result(&plan, table::Table { plan: &plan, trajectory: &trajectory })?;
+    output.result(&plan, table::PlanTable { plan: &plan, trajectory: &trajectory })?;
     Ok(if plan.is_feasible { Ending::Done } else { Ending::Negative })
 }
 

@@ -2,7 +2,7 @@
 
 use super::Output;
 use crate::batch::BatchProgress;
-use crate::pipeline::Progress;
+use crate::pipeline::PipelineProgress;
 use indicatif::ProgressBar;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -31,9 +31,9 @@ impl<'a> ProgressDisplay<'a> {
         }
     }
 
-    pub(super) fn show(&self, progress: Progress<'_>) {
+    pub(super) fn show(&self, progress: PipelineProgress<'_>) {
         match progress {
-            Progress::Stage { stage, stream, done, total } => self.on_bar(stage, |bar| {
+            PipelineProgress::Stage { stage, stream, done, total } => self.on_bar(stage, |bar| {
                 if bar.length() != Some(total) {
                     bar.set_length(total);
                 }
@@ -42,13 +42,13 @@ impl<'a> ProgressDisplay<'a> {
                 }
                 bar.set_position(done);
             }),
-            Progress::Diagnosis(what) => self.on_bar("diagnose", |bar| {
+            PipelineProgress::Diagnosis(what) => self.on_bar("diagnose", |bar| {
                 let at_s = self.began.elapsed().as_secs_f64();
                 bar.suspend(|| self.output.detail(format!("{at_s:8.1} s  {what}")));
                 bar.set_message(what.to_owned());
                 bar.inc(1);
             }),
-            Progress::Message(text) => self.suspended(|| self.output.say(text)),
+            PipelineProgress::Message(text) => self.suspended(|| self.output.say(text)),
         }
     }
 

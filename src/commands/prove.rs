@@ -12,11 +12,11 @@ use evrig_core::time::Span;
 use serde_json::json;
 use std::time::Duration;
 
-/// The shortest session that still sees every direction of a circle.
+/// Shortest session that covers every direction of a circle, seconds.
 const QUICK_S: f64 = 2.6;
 const FULL_S: f64 = 5.0;
 
-/// How long a diagnosis may take when nothing else is said, seconds.
+/// Default time limit of a diagnosis, seconds.
 const DEADLINE_S: f64 = 1_800.0;
 
 /// What is proved.
@@ -27,7 +27,7 @@ struct PlannedProof {
     deadline: Duration,
 }
 
-/// On what it is proved.
+/// The trials of a run.
 enum TrialSource {
     Made(SessionMaker, Vec<ConcealedTrial>),
     Prepared(PreparedTrials),
@@ -58,7 +58,7 @@ pub(super) fn run(args: &ProveArgs, output: &Output) -> anyhow::Result<Ending> {
     let unheld = if args.quick { quick_failures(&proof.judgements) } else { Vec::new() };
     let mut text = markdown(&heading(&run.plan), &proof.score, &proof.judgements);
     for complaint in &unheld {
-        text += &format!("not held: {complaint}\n");
+        text += &format!("failed: {complaint}\n");
     }
     let value = json!({ "schema": "evrig.prove/2", "out": args.out, "plan": run.plan,
         "not_held": unheld, "proof": proof });
@@ -163,7 +163,7 @@ fn heading(plan: &ProofPlan) -> String {
     )
 }
 
-/// How many trials of each kind: what is asked for, else many.
+/// Number of trials of each kind: as given, else the default of the family.
 fn mix(args: &ProveArgs, family: Family) -> TrialMix {
     let usual = match family {
         Family::Plasmode => [24, 0, 2, 2, 0],

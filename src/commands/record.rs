@@ -41,7 +41,14 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     };
     let operator = Operator::listen()?;
     let terminal = prompt::Terminal::here(args.yes);
-    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, terminal, output };
+    let work = RecordingRun {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        operator,
+        terminal,
+        output,
+    };
     if !work.may_move() {
         return Ok(Ending::Aborted);
     }
@@ -64,8 +71,8 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
     work.take_all(list, &opening)
 }
 
-/// What all runs of a recording have in common.
-struct Work<'a> {
+/// What the runs of a series have in common.
+struct RecordingRun<'a> {
     rig: &'a Rig,
     trajectory: &'a Trajectory,
     path: &'a ToolPath,
@@ -76,7 +83,7 @@ struct Work<'a> {
 }
 
 /// One recording that ended.
-pub(super) struct Take {
+pub(super) struct RecordedTake {
     pub(super) ending: Ending,
     pub(super) manifest: Manifest,
     pub(super) value: Value,
@@ -90,20 +97,27 @@ pub(super) fn simulated(
     seed: u64,
     out: &std::path::Path,
     output: &Output,
-) -> anyhow::Result<Option<Take>> {
+) -> anyhow::Result<Option<RecordedTake>> {
     let (rig, trajectory, path) = described("sim", trajectory, OptionalSegments::Included)?;
     let world = world(world_file)?;
     let start = path.start();
     let opening = OpenOptions { replay_speed: Some(1.0), home: false, start, world: &world, seed };
     let (operator, terminal) = (Operator::listen()?, prompt::Terminal::here(false));
-    let work = Work { rig: &rig, trajectory: &trajectory, path: &path, operator, terminal, output };
+    let work = RecordingRun {
+        rig: &rig,
+        trajectory: &trajectory,
+        path: &path,
+        operator,
+        terminal,
+        output,
+    };
     if !work.may_move() {
         return Ok(None);
     }
     work.take(out, &opening, None).map(Some)
 }
 
-impl Work<'_> {
+impl RecordingRun<'_> {
     /// Records what a series still lacks; what the operator ends, or what fails, ends the series
     /// too.
     fn take_all(&self, mut list: RunList, opening: &OpenOptions<'_>) -> anyhow::Result<Ending> {
@@ -141,7 +155,7 @@ impl Work<'_> {
         if let Some(terminal) = self.terminal.as_ref().filter(|_| self.rig.arm.port != ArmPort::Sim)
         {
             let text =
-                format!("The arm will move along `{}`. Is its way free?", self.trajectory.name);
+                format!("The arm will move along `{}`. Is its path clear?", self.trajectory.name);
             while stop.requested() == StopRequest::No && !terminal.is_answered(&text) {
                 stop.wait(prompt::POLL_INTERVAL);
             }
@@ -155,7 +169,7 @@ impl Work<'_> {
         out: &std::path::Path,
         opening: &OpenOptions<'_>,
         beside: Option<Box<dyn Recorder>>,
-    ) -> anyhow::Result<Take> {
+    ) -> anyhow::Result<RecordedTake> {
         let output = self.output;
         let mut open = OpenRig::open(self.rig, opening)?;
         open.devices.recorders.extend(beside);
@@ -192,7 +206,12 @@ impl Work<'_> {
 }
 
 /// How a recording went, in words and as a value.
-fn summarise(out: &std::path::Path, outcome: RecordOutcome, holds: bool, output: &Output) -> Take {
+fn summarise(
+    out: &std::path::Path,
+    outcome: RecordOutcome,
+    holds: bool,
+    output: &Output,
+) -> RecordedTake {
     let manifest = &outcome.manifest;
     let mut text = String::new();
     for stream in &manifest.streams {
@@ -214,11 +233,11 @@ fn summarise(out: &std::path::Path, outcome: RecordOutcome, holds: bool, output:
         (None, _) if manifest.losses.is_empty() => Ending::Done,
         (None, _) => Ending::WithLosses,
     };
-    Take { ending, manifest: outcome.manifest, value, text }
+    RecordedTake { ending, manifest: outcome.manifest, value, text }
 }
 
-/// Signals that end a recording: SIGINT, SIGTERM and SIGHUP stop the arm immediately, SIGUSR1 ends
-/// at the next corner.
+/// Ends a recording: Ctrl-C and other termination signals stop the arm immediately; SIGUSR1 ends at the
+/// next corner.
 struct Operator {
     stop: StopToken,
     /// Halts the arm of the run under way.
@@ -281,7 +300,7 @@ pub(super) fn world(path: Option<&std::path::Path>) -> anyhow::Result<WorldDescr
     Ok(WorldDescription::parse(&file, &text).map_err(|error| WrongUse(error.to_string()))?)
 }
 
-/// Rig, trajectory, and the way of the one on the other, which the arm can go.
+/// Rig, trajectory, and the feasible path of the trajectory on the rig.
 pub(super) fn described(
     rig: &str,
     trajectory: &str,

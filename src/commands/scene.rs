@@ -1,4 +1,4 @@
-//! `evrig scene`: the map of the print and the light signal that follows from it.
+//! `evrig scene`: the reconstructed target and the log-intensity signal that follows from it.
 
 use super::{Ending, Output};
 use crate::cli::SceneArgs;
@@ -31,7 +31,7 @@ pub(super) fn text(made: &SceneMade) -> String {
     let [seen, lost] = facts.n_frames;
     format!(
         "{} x {} cells of {:.3} mm from {seen} frames ({lost} not on the path), rows {:.2} us apart\n  \
-         event camera: {:.3} px and {:.2} DN left over {} frames, clocks {:.1} us +- {:.1} off the stage sync's\n  \
+         event camera: {:.3} px and {:.2} DN residual over {} frames, clocks {:.1} us +- {:.1} from those of the stage sync\n  \
          it blurs the map by {:.3} px{}",
         facts.grid.width,
         facts.grid.height,

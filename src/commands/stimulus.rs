@@ -18,7 +18,7 @@ pub(super) fn stimulus(args: &StimulusArgs, output: &Output) -> anyhow::Result<E
     let url = stimulus.url();
     let value = json!({"schema": "evrig.stimulus/1", "url": url, "n_images": n});
     output
-        .result(&value, format_args!("{url} shows {n} pictures; open it on the target's screen"))?;
+        .result(&value, format_args!("{url} shows {n} images; open it on the target's screen"))?;
     signals.forever().next().context("no signal can come any more")?;
     Ok(Ending::Done)
 }

@@ -1,4 +1,4 @@
-//! `evrig sweep`: one knob through a range, as heat maps and point clouds.
+//! `evrig sweep`: one parameter over a range, as heat maps and point clouds.
 
 use super::generate::conditions;
 use super::{Ending, Output, WrongUse};
@@ -11,8 +11,8 @@ use evrig_generate::{Knob, ModelParameters};
 use evrig_session::{Session, StreamName};
 use serde_json::json;
 
-/// What is turned.
-enum Axis {
+/// The swept parameter.
+enum SweepAxis {
     Knob(Knob),
     Effect(EffectId, String),
 }
@@ -45,7 +45,7 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
     choice.prepare_on(&session, from, &mut base.conditions)?;
     let steps: anyhow::Result<Vec<(f64, GenerateRequest)>> = values(low, high, args.steps)
         .into_iter()
-        .map(|value| Ok((value, turned(&base, &axis, value)?)))
+        .map(|value| Ok((value, request_at(&base, &axis, value)?)))
         .collect();
     let name = range.split('=').next().unwrap_or_default().trim().to_owned();
     let request = SweepRequest { name: name.clone(), steps: steps?, seconds: args.seconds };
@@ -76,7 +76,7 @@ pub(super) fn run(args: &SweepArgs, output: &Output) -> anyhow::Result<Ending> {
 }
 
 /// `name=a..b`, with the name a knob's or `effect.parameter`.
-fn axis(text: &str) -> anyhow::Result<(Axis, [f64; 2])> {
+fn axis(text: &str) -> anyhow::Result<(SweepAxis, [f64; 2])> {
     let wrong =
         || WrongUse(format!("`{text}` is not a range; write it as contrast-sensitivity=1..10"));
     let (name, range) = text.split_once('=').ok_or_else(wrong)?;
@@ -98,9 +98,9 @@ fn axis(text: &str) -> anyhow::Result<(Axis, [f64; 2])> {
                     WrongUse(format!("{id} has no parameter {key}; there are {known}")).into()
                 );
             }
-            Axis::Effect(id, key.to_owned())
+            SweepAxis::Effect(id, key.to_owned())
         }
-        None => Axis::Knob(name.trim().parse().map_err(|e| WrongUse(format!("{e}")))?),
+        None => SweepAxis::Knob(name.trim().parse().map_err(|e| WrongUse(format!("{e}")))?),
     };
     Ok((axis, [low, high]))
 }
@@ -113,11 +113,15 @@ fn values(low: f64, high: f64, n: u32) -> Vec<f64> {
     (0..n.max(2)).map(|i| at(share(i))).collect()
 }
 
-fn turned(base: &GenerateRequest, axis: &Axis, value: f64) -> anyhow::Result<GenerateRequest> {
+fn request_at(
+    base: &GenerateRequest,
+    axis: &SweepAxis,
+    value: f64,
+) -> anyhow::Result<GenerateRequest> {
     let mut request = base.clone();
     let wrong = |error: &dyn std::fmt::Display| WrongUse(error.to_string());
     match axis {
-        Axis::Knob(knob) => match &mut request.parameters.model {
+        SweepAxis::Knob(knob) => match &mut request.parameters.model {
             ModelParameters::Voltmeter { k, .. } => {
                 *k = knob.turn(*k, value).map_err(|e| wrong(&e))?;
             }
@@ -129,7 +133,7 @@ fn turned(base: &GenerateRequest, axis: &Axis, value: f64) -> anyhow::Result<Gen
                 .into());
             }
         },
-        Axis::Effect(id, key) => {
+        SweepAxis::Effect(id, key) => {
             // The effect's other parameters are those of the same effect on the command line.
             let given = request.conditions.effects.iter().find(|a| a.effect.id() == *id);
             let given = given.map(|a| a.effect.model().parameters()).unwrap_or_default();

@@ -68,9 +68,10 @@ pub(super) fn text(synced: &Synced) -> String {
     lines.push(format!("events: {}", clocks.events.reason));
     lines.push(motion(clocks));
     lines.extend(clocks.stream_delays.iter().map(late));
-    for (n, what) in
-        [(tally.n_duplicate, "stamped twice"), (tally.n_missing, "missing between others")]
-    {
+    for (n, what) in [
+        (tally.n_duplicate, "with the timestamp of another"),
+        (tally.n_missing, "missing between others"),
+    ] {
         if n > 0 {
             lines.push(format!("{n} frames {what}"));
         }
@@ -81,7 +82,7 @@ pub(super) fn text(synced: &Synced) -> String {
     lines.join("\n")
 }
 
-/// What the motion that both cameras saw says of the clocks.
+/// The clock correction from the motion that both cameras saw.
 fn motion(clocks: &SessionClocks) -> String {
     match &clocks.motion {
         None => "motion: no tracks of both cameras yet; `evrig track` makes them".into(),
@@ -97,19 +98,19 @@ fn motion(clocks: &SessionClocks) -> String {
     }
 }
 
-/// How late a stream is whose stamps are not those of its own light.
+/// Delay of a stream whose timestamps belong to another stream's exposure.
 fn late(late: &StreamDelay) -> String {
     let StreamDelay { stream, against, delay_us, refused } = late;
     match (delay_us, refused) {
         (Some(us), _) => format!(
-            "`{stream}` shows light {} us +- {} later than its stamps, which are those of `{against}`; \
+            "`{stream}` was exposed {} us +- {} later than its timestamps, which are those of `{against}`; \
              corrected",
             rounded(us.value),
             rounded(us.standard_error)
         ),
         (None, because) => format!(
             "`{stream}` shares the stamps of `{against}` and is a frame late at least; not corrected: {}",
-            because.as_deref().unwrap_or("nothing tells by how much")
+            because.as_deref().unwrap_or("no estimate of the delay")
         ),
     }
 }
@@ -125,5 +126,5 @@ fn method(method: evrig_reconstruct::clock::Method) -> String {
 
 fn refusal(attempt: &MethodResult) -> Option<String> {
     let because = attempt.refused.as_ref()?;
-    Some(format!("  {} says nothing: {because}", method(attempt.method)))
+    Some(format!("  {} gives no estimate: {because}", method(attempt.method)))
 }

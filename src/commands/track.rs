@@ -1,4 +1,4 @@
-//! `evrig track`: the tag followed through frames.
+//! `evrig track`: the path of the tag through frames.
 
 use super::{Ending, Output, WrongUse};
 use crate::cli::TrackArgs;
@@ -21,7 +21,7 @@ pub(super) fn run(args: &TrackArgs, output: &Output) -> anyhow::Result<Ending> {
         None => pipeline::frame_streams(&session),
     };
     if streams.is_empty() {
-        anyhow::bail!("{} has no frames to look for the tag in", args.session.display());
+        anyhow::bail!("{} has no frames in which to detect the tag", args.session.display());
     }
     let requests: Vec<TrackRequest> = streams
         .into_iter()
@@ -55,7 +55,7 @@ pub(super) fn value(request: &TrackRequest, tracked: &Tracked) -> Value {
 pub(super) fn text(request: &TrackRequest, tracked: &Tracked) -> String {
     let summary = &tracked.summary;
     let mut text = format!(
-        "{}: {} in {} of {} frames, corners {:.3} px rms from the path, picture {:.1} px wide",
+        "{}: {} in {} of {} frames, corners {:.3} px rms from the path, target {:.1} px wide",
         request.stream,
         summary.tag,
         summary.n_used,

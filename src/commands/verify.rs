@@ -1,4 +1,4 @@
-//! `evrig verify`: does everything the session claims hold?
+//! `evrig verify`: checksums and counts against the manifest.
 
 use super::{Ending, Output};
 use crate::cli::VerifyArgs;
@@ -9,7 +9,9 @@ use std::fmt::Write;
 pub(super) fn run(args: &VerifyArgs, output: &Output) -> anyhow::Result<Ending> {
     let repaired = if args.repair { Some(repair(&args.session)?) } else { None };
     match &repaired {
-        Some(Repair::Resealed(_)) => output.say("the recording was cut off; sealed as recovered"),
+        Some(Repair::Resealed(_)) => {
+            output.say("the recording was interrupted; sealed as recovered")
+        }
         Some(Repair::NotNeeded) => output.say("nothing to repair: the session is sealed"),
         None => {}
     }

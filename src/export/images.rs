@@ -1,5 +1,5 @@
-//! What is known of a session's images beside an event stream: when each saw light, which events
-//! lie between it and the next, and where the picture was.
+//! A session's images relative to an event stream: exposure times, the events between one and the
+//! next, and the position of the target.
 
 use crate::pipeline::{self, AnyTrack, PipelineError};
 use evrig_core::time::{Clock, Davis, PiSensor, Stamp};

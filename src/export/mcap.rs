@@ -1,17 +1,17 @@
-//! A stream for viewers: pictures of its events, the frames beside them, the picture's outline, rates.
+//! A stream for viewers: event images, frames, the outline of the target, and rates.
 //!
 //! | topic | schema | what |
 //! | --- | --- | --- |
-//! | `/events/<stream>` | foxglove.RawImage | 20 ms of events: white the last was On, black Off |
-//! | `/rate/<stream>` | evrig.Rate | events a second by polarity, of the same 20 ms |
+//! | `/events/<stream>` | foxglove.RawImage | 20 ms of events: white for a last event ON, black for OFF |
+//! | `/rate/<stream>` | evrig.Rate | events per second by polarity, over the same 20 ms |
 //! | `/frames/<stream>` | foxglove.RawImage | frames on the events' pixel grid |
-//! | `/picture/<stream>` | foxglove.ImageAnnotations | where the picture was in the frame |
+//! | `/picture/<stream>` | foxglove.ImageAnnotations | outline of the target in the frame |
 //!
-//! Log time is the events' clock; a picture of events carries the time at which its 20 ms end.
+//! Log time is the events' clock; an event image carries the time at which its 20 ms end.
 
 use super::images::Images;
-use super::window::{Window, windows};
-use super::{Chosen, Cut, ExportError, ExportRequest, unfit};
+use super::window::{ExportWindow, windows};
+use super::{Chosen, EventSelection, ExportError, ExportRequest, unfit};
 use evrig_core::event::EventSlice;
 use evrig_core::frame::{Channels, Samples};
 use evrig_core::geometry::Size;
@@ -40,9 +40,9 @@ pub(super) fn write(
         let what = format!("it begins at {first} us; an MCAP file holds no time before 0");
         return Err(unfit(session, request, what));
     }
-    let mut log = Log::create(&request.out)?;
+    let mut log = McapLog::create(&request.out)?;
     event_pictures(&mut log, &request.stream, events, chosen.size)?;
-    if request.cut == Cut::Whole {
+    if request.cut == EventSelection::Whole {
         for images in images {
             frames(&mut log, session, images)?;
         }
@@ -51,13 +51,13 @@ pub(super) fn write(
 }
 
 /// The file under construction.
-struct Log<'a> {
+struct McapLog<'a> {
     path: &'a Path,
     file: mcap::Writer<BufWriter<File>>,
     sequences: BTreeMap<u16, u32>,
 }
 
-impl<'a> Log<'a> {
+impl<'a> McapLog<'a> {
     fn create(path: &'a Path) -> Result<Self, ExportError> {
         let io = |source| ExportError::Io { path: path.to_owned(), source };
         let file = BufWriter::with_capacity(1 << 20, File::create(path).map_err(io)?);
@@ -101,14 +101,14 @@ fn failed(path: &Path, source: mcap::McapError) -> ExportError {
 }
 
 fn event_pictures(
-    log: &mut Log<'_>,
+    log: &mut McapLog<'_>,
     stream: &str,
     events: EventSlice<'_>,
     size: Size,
 ) -> Result<(), ExportError> {
     let pictures = log.channel(&format!("/events/{stream}"), "foxglove.RawImage", "")?;
     let rates = log.channel(&format!("/rate/{stream}"), "evrig.Rate", RATE)?;
-    for Window { end_us, picture, rates_hz: [on_hz, off_hz] } in windows(events, size) {
+    for ExportWindow { end_us, picture, rates_hz: [on_hz, off_hz] } in windows(events, size) {
         let at = Stamp::<Unix>::from_micros(end_us);
         log.put(pictures, end_us, &image_message(stream, at, size, "mono8", picture))?;
         let rate = json!({ "on_hz": on_hz, "off_hz": off_hz });
@@ -119,7 +119,7 @@ fn event_pictures(
 
 /// Frames on the events' clock as they were taken; of the Pi's only the outline, since `rig.mcap`
 /// holds its frames in these very schemas.
-fn frames(log: &mut Log<'_>, session: &Session, images: &Images) -> Result<(), ExportError> {
+fn frames(log: &mut McapLog<'_>, session: &Session, images: &Images) -> Result<(), ExportError> {
     let stream = images.stream.as_str();
     let times = images.times_us();
     if !session.is_from_pi(stream)? {

@@ -1,19 +1,19 @@
-//! A stream for Rerun: pictures of its events, the frames beside them, the picture's outline, rates.
+//! A stream for Rerun: event images, frames, the outline of the target, and rates.
 //!
 //! | entity | archetype | what |
 //! | --- | --- | --- |
-//! | `/events/<stream>` | Image | 20 ms of events: white the last was On, black Off |
-//! | `/rate/<stream>/on`, `off` | Scalars | events a second by polarity, of the same 20 ms |
+//! | `/events/<stream>` | Image | 20 ms of events: white for a last event ON, black for OFF |
+//! | `/rate/<stream>/on`, `off` | Scalars | events per second by polarity, over the same 20 ms |
 //! | `/frames/<stream>` | Image | frames of the event camera |
-//! | `/frames/<stream>/picture` | LineStrips2D | where the picture was in the frame |
-//! | `/about` | TextDocument | what `<file>.json` says, but for its tables |
+//! | `/frames/<stream>/picture` | LineStrips2D | outline of the target in the frame |
+//! | `/about` | TextDocument | `<file>.json` without its tables |
 //!
-//! The timeline `events` is the events' clock; a picture of events carries the time at which its 20 ms
-//! end. Of the Pi's frames there are only the outlines: its pictures are in `rig.mcap`.
+//! The timeline `events` is the events' clock; an event image carries the time at which its 20 ms
+//! end. Of the Pi's frames there are only the outlines: the frames are in `rig.mcap`.
 
 use super::images::Images;
 use super::window::windows;
-use super::{Chosen, Cut, ExportError, ExportRequest};
+use super::{Chosen, EventSelection, ExportError, ExportRequest};
 use evrig_core::frame::{Channels, Samples};
 use evrig_core::geometry::Size;
 use evrig_session::Session;
@@ -29,7 +29,7 @@ pub(super) fn write(
     images: &[Images],
     about: &str,
 ) -> Result<(), ExportError> {
-    let log = Log::create(&request.out, &session.manifest().name)?;
+    let log = RerunLog::create(&request.out, &session.manifest().name)?;
     let about = TextDocument::new(about).with_media_type("application/json");
     log.file.log_static("about", &about).map_err(|error| log.failed(&error))?;
     let stream = request.stream.as_str();
@@ -40,7 +40,7 @@ pub(super) fn write(
             log.put(&format!("rate/{stream}/{side}"), window.end_us, &Scalars::single(hz))?;
         }
     }
-    if request.cut == Cut::Whole {
+    if request.cut == EventSelection::Whole {
         for images in images {
             frames(&log, session, images)?;
         }
@@ -49,12 +49,12 @@ pub(super) fn write(
 }
 
 /// The file under construction.
-struct Log {
+struct RerunLog {
     path: PathBuf,
     file: RecordingStream,
 }
 
-impl Log {
+impl RerunLog {
     fn create(path: &Path, name: &str) -> Result<Self, ExportError> {
         // The crate opens its file on a thread of its own and tells of a failure by a line of its own.
         std::fs::File::create(path)
@@ -81,7 +81,7 @@ impl Log {
     }
 }
 
-fn frames(log: &Log, session: &Session, images: &Images) -> Result<(), ExportError> {
+fn frames(log: &RerunLog, session: &Session, images: &Images) -> Result<(), ExportError> {
     let (stream, times) = (images.stream.as_str(), images.times_us());
     let entity = format!("frames/{stream}");
     if !session.is_from_pi(stream)? {

@@ -1,13 +1,13 @@
-//! `<file>.json`: what an exported stream is about.
+//! `<file>.json`: metadata of an exported stream.
 //!
 //! `images` holds a table for each image stream, column by column: `t_us` (middle of the exposure on
 //! the events' clock), `first_event` (index of the first event not before it, so that
 //! `events[first_event[i]:first_event[i + 1]]` lie between images i and i + 1), `number`, `stamp_ns`
-//! (the camera's own stamp on the clock named beside it), exposure where the camera states it, and
+//! (the camera's own stamp, with the name of its clock), exposure where the camera states it, and
 //! where the tag was tracked `ideal_px_from_target_mm` (3 x 3, row by row: millimetres on the target to
 //! pixels of a lens without distortion), `picture_px` (corners: bottom left, bottom right, top right,
-//! top left) and their standard errors, and `corner_residual_px`, how far the tag's corners in this image
-//! lie from where the path puts them. `clocks` is the map from the Pi's clock with its errors.
+//! top left) and their standard errors, and `corner_residual_px`, the distance of the tag's corners in this
+//! image from the fitted path. `clocks` is the map from the Pi's clock with its errors.
 
 use super::images::Images;
 use super::{Chosen, ExportError, ExportRequest};
@@ -19,13 +19,13 @@ use evrig_session::{Session, StreamName, read_stage};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
-pub(super) struct Side {
+pub(super) struct Sidecar {
     heading: Value,
     images: Value,
     pub(super) left_out: Vec<String>,
 }
 
-impl Side {
+impl Sidecar {
     pub(super) fn new(
         session: &Session,
         request: &ExportRequest,
@@ -39,7 +39,8 @@ impl Side {
         let made_by = stage("generate").map(|record| {
             json!({ "stage": "generate", "parameters": record.parameters, "inputs": record.inputs })
         });
-        let filtered = (request.cut != super::Cut::Whole).then(|| stage("filter")).flatten();
+        let filtered =
+            (request.cut != super::EventSelection::Whole).then(|| stage("filter")).flatten();
         let clocks = pipeline::read_clocks(session)?.map(|clocks| {
             json!({ "davis_from_sensor": clocks.davis_from_sensor,
                     "unix_from_davis": clocks.events.unix_from_davis,

@@ -1,4 +1,4 @@
-//! A layout for Foxglove: events beside frames, rates below.
+//! A layout for Foxglove: events next to frames, rates below.
 
 use super::ExportError;
 use super::images::Images;

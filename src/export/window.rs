@@ -1,4 +1,4 @@
-//! Events as pictures for viewers.
+//! Events as images for viewers.
 
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
@@ -7,7 +7,7 @@ use evrig_core::geometry::Size;
 pub(super) const WINDOW_US: i64 = 20_000;
 
 /// What happened in a window.
-pub(super) struct Window {
+pub(super) struct ExportWindow {
     /// Its end, µs.
     pub(super) end_us: i64,
     /// A byte a pixel: 255 where the last event was On, 0 where it was Off, 128 where there was none.
@@ -18,7 +18,7 @@ pub(super) struct Window {
 
 /// The windows in which there are events, in order. They lie on whole multiples of their length, so that
 /// those of two streams coincide.
-pub(super) fn windows(events: EventSlice<'_>, size: Size) -> impl Iterator<Item = Window> {
+pub(super) fn windows(events: EventSlice<'_>, size: Size) -> impl Iterator<Item = ExportWindow> {
     let mut start = 0;
     std::iter::from_fn(move || {
         let first = *events.t.get(start)?;
@@ -32,6 +32,6 @@ pub(super) fn windows(events: EventSlice<'_>, size: Size) -> impl Iterator<Item 
         }
         let on = part.count_on();
         let rates_hz = [on, part.len() - on].map(|n| n as f64 / (WINDOW_US as f64 * 1e-6));
-        Some(Window { end_us, picture, rates_hz })
+        Some(ExportWindow { end_us, picture, rates_hz })
     })
 }

@@ -1,8 +1,8 @@
-//! Foxglove's WebSocket: one channel a thing that is shown, in Foxglove's published schemas.
+//! Foxglove's WebSocket: one channel per topic, in Foxglove's published schemas.
 //!
-//! A viewer that is slow loses the oldest messages of its queue; nothing waits for it.
+//! A slow viewer loses the oldest messages of its queue.
 
-use super::{EventImage, LiveError, Status};
+use super::{EventImage, LiveError, LiveStatus};
 use ::foxglove::messages::{
     Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, Quaternion, RawImage,
     Timestamp, Vector3, points_annotation,
@@ -126,7 +126,7 @@ impl Foxglove {
         self.events.log(&image(time(now.unix), picture.size, "rgb8", "davis", data));
     }
 
-    pub(super) fn status(&self, status: &Status, pose: Option<Pose>, now: HostTime) {
+    pub(super) fn status(&self, status: &LiveStatus, pose: Option<Pose>, now: HostTime) {
         if let Ok(bytes) = serde_json::to_vec(status) {
             self.status.log(&bytes);
         }

@@ -1,8 +1,7 @@
-//! Events generated while the Pi's frames arrive, and served like a camera's.
+//! Events generated while the Pi's frames arrive, and served like those of a camera.
 //!
-//! Frames wait for nobody: a thread of its own makes the events, two frames may wait for it, and
-//! what is older than the bound when its turn comes is left out, so that events are never older
-//! than bound and two frames' work. Whatever is left out is counted.
+//! A thread of its own generates the events from a queue of two frames. A frame older than the bound is
+//! dropped and counted, so the latency of events is at most the bound and the work of two frames.
 
 use super::LiveError;
 use evrig_core::event::Events;
@@ -77,7 +76,7 @@ pub struct GenerationTally {
     pub first_refusal: Option<String>,
 }
 
-struct Job {
+struct GenerationJob {
     frame: Box<PiFrame>,
     /// When it saw its light, or reached this machine.
     born: Stamp<HostMonotonic>,
@@ -87,7 +86,7 @@ struct Job {
 #[derive(Debug)]
 pub struct Generation {
     address: SocketAddr,
-    jobs: Option<SyncSender<Job>>,
+    jobs: Option<SyncSender<GenerationJob>>,
     worker: Option<JoinHandle<Result<GenerationTally, StreamServerError>>>,
     n_dropped: u64,
 }
@@ -126,7 +125,7 @@ impl Generation {
     /// Hands a frame on that was born at an instant; never waits.
     pub fn offer(&mut self, frame: Box<PiFrame>, born: Stamp<HostMonotonic>) {
         let Some(jobs) = &self.jobs else { return };
-        match jobs.try_send(Job { frame, born }) {
+        match jobs.try_send(GenerationJob { frame, born }) {
             Ok(()) => {}
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.n_dropped += 1,
         }
@@ -179,9 +178,9 @@ impl Worker {
         }
     }
 
-    fn run(mut self, queue: &Receiver<Job>) -> Result<GenerationTally, StreamServerError> {
+    fn run(mut self, queue: &Receiver<GenerationJob>) -> Result<GenerationTally, StreamServerError> {
         let mut events = Events::new();
-        for Job { frame, born } in queue {
+        for GenerationJob { frame, born } in queue {
             let Some(light) = self.prepare(&frame) else { continue };
             events.clear();
             let t_us = light.t_us;

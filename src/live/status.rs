@@ -1,10 +1,10 @@
-//! How it goes, once a second.
+//! Rates and drops, once per second.
 
 use serde::Serialize;
 
 /// Rates and losses since the last one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Status {
+pub struct LiveStatus {
     /// Events a second.
     pub events_per_s: f64,
     /// Share of On events; none without events.
@@ -30,7 +30,7 @@ pub struct Status {
     pub pose: Option<[f64; 4]>,
 }
 
-impl std::fmt::Display for Status {
+impl std::fmt::Display for LiveStatus {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,

@@ -1,6 +1,6 @@
-//! What is shown, gathered from samples.
+//! The content of the live view, gathered from samples.
 
-use super::{LiveError, Status};
+use super::{LiveError, LiveStatus};
 use evrig_core::event::EventSlice;
 use evrig_core::frame::Frame;
 use evrig_core::geometry::Size;
@@ -26,7 +26,7 @@ pub struct EventImage {
 
 /// Rates, the event picture, and where the tag is.
 #[derive(Debug)]
-pub struct View {
+pub struct LiveView {
     size: Size,
     /// On minus Off events of each pixel.
     balance: Vec<i16>,
@@ -47,7 +47,7 @@ struct Counts {
     longest_delay: Span,
 }
 
-impl View {
+impl LiveView {
     pub(super) fn new(size: Size, (family, id): (&str, u32)) -> Result<Self, LiveError> {
         let spotter = SingleFrameDetector::new(family, id, SampleFormat::Brightness);
         Ok(Self {
@@ -131,13 +131,13 @@ impl View {
         pose: Option<Pose>,
         n_dropped_by_devices: u64,
         n_dropped_for_viewers: u64,
-    ) -> Status {
+    ) -> LiveStatus {
         let began = self.began.replace(now.monotonic).unwrap_or(now.monotonic);
         let seconds = (now.monotonic - began).as_secs_f64();
         let counts = std::mem::take(&mut self.counts);
         let rate = |n: u64| if seconds > 0.0 { n as f64 / seconds } else { 0.0 };
         let on_share = counts.n_on as f64 / counts.n_events as f64;
-        Status {
+        LiveStatus {
             events_per_s: rate(counts.n_events),
             on_share: (counts.n_events > 0).then_some(on_share),
             davis_frames_per_s: rate(counts.n_davis_frames),
@@ -167,8 +167,8 @@ mod tests {
         HostTime { monotonic: Stamp::from_micros(ms * 1_000), unix: Stamp::from_micros(ms * 1_000) }
     }
 
-    fn view() -> View {
-        View::new(Size::new(4, 2), ("tag36h11", 0)).unwrap()
+    fn view() -> LiveView {
+        LiveView::new(Size::new(4, 2), ("tag36h11", 0)).unwrap()
     }
 
     fn packet(events: &[(u16, u16, bool)]) -> RecorderSample {
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_family_that_nobody_knows_is_told() {
-        let said = View::new(Size::new(4, 2), ("tag1", 0)).unwrap_err().to_string();
+        let said = LiveView::new(Size::new(4, 2), ("tag1", 0)).unwrap_err().to_string();
         assert!(said.contains("tag1"), "{said}");
     }
 }

@@ -1,7 +1,6 @@
-//! One clock, one target: tracks, clocks and scene, in the order in which they need each other.
+//! Tracks, clocks and scene, in the order in which they need each other.
 //!
-//! Tracks need no clock but their own and come first, since the motion in them tells the offset of
-//! the clocks best; the scene needs both.
+//! Tracks come first: their common motion gives the most precise clock offset; the scene needs both.
 
 use super::PipelineError;
 use super::scene::{SceneMade, scene};
@@ -28,9 +27,9 @@ pub struct Aligned {
 /// How far it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AlignProgress {
-    /// One frame more was looked at for the tag.
+    /// One more frame was searched for the tag.
     Tracked,
-    /// So many frames of so many were laid on the map.
+    /// Frames added to the scene, and in all.
     Mapped(u64, u64),
 }
 
@@ -51,21 +50,21 @@ fn requests(session: &Session, force: bool) -> Result<Vec<TrackRequest>, &'stati
     if streams.is_empty() {
         Err("the session has no frames")
     } else if !states_target {
-        Err("nothing states the target; `evrig track --rig RIG` says which")
+        Err("nothing states the target; `evrig track --rig RIG` names it")
     } else {
         let request = |stream| TrackRequest { stream, rig: None, force };
         Ok(streams.into_iter().map(request).collect())
     }
 }
 
-/// Tracks several streams at once; `seen` is told of every frame.
+/// Tracks several streams at once; `on_frame` is called for every frame.
 #[must_use]
 pub fn track_all(
     session: &Session,
     requests: &[TrackRequest],
-    seen: &(dyn Fn() + Sync),
+    on_frame: &(dyn Fn() + Sync),
 ) -> Vec<TrackOutcome> {
     let one =
-        |request: &TrackRequest| (request.clone(), track(session, request, &mut |_, _| seen()));
+        |request: &TrackRequest| (request.clone(), track(session, request, &mut |_, _| on_frame()));
     requests.par_iter().map(one).collect()
 }

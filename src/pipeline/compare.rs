@@ -31,18 +31,18 @@ pub struct CompareRequest {
 }
 
 /// The reference stream of several comparisons, read once.
-pub struct Reference<'a> {
+pub struct ReferenceStream<'a> {
     session: &'a Session,
     name: String,
     whole: Option<Arc<Events>>,
     /// As the stage `filter` left it; none inside when it did not run.
-    cut: Option<Option<Filtered>>,
+    cut: Option<Option<FilteredEvents>>,
 }
 
 /// A stream in the picture's own coordinates, with the checksums it stands for.
-type Filtered = (Arc<Events>, Size, inputs::Inputs);
+type FilteredEvents = (Arc<Events>, Size, inputs::Inputs);
 
-impl<'a> Reference<'a> {
+impl<'a> ReferenceStream<'a> {
     /// The stream `name` of a session; nothing is read before it is needed.
     #[must_use]
     pub fn new(session: &'a Session, name: &str) -> Self {
@@ -57,7 +57,7 @@ impl<'a> Reference<'a> {
         Ok(Arc::clone(self.whole.insert(events)))
     }
 
-    fn cut(&mut self) -> Result<Option<Filtered>, PipelineError> {
+    fn cut(&mut self) -> Result<Option<FilteredEvents>, PipelineError> {
         if let Some(cut) = &self.cut {
             return Ok(cut.clone());
         }
@@ -78,7 +78,7 @@ pub fn compare(
     session: &Session,
     request: &CompareRequest,
 ) -> Result<(Comparison, Freshness), PipelineError> {
-    compare_with(&mut Reference::new(session, &request.real), request)
+    compare_with(&mut ReferenceStream::new(session, &request.real), request)
 }
 
 /// As [`compare()`], with a reference stream that serves several comparisons; it stands for
@@ -87,7 +87,7 @@ pub fn compare(
 /// # Errors
 /// As [`compare()`].
 pub fn compare_with(
-    reference: &mut Reference<'_>,
+    reference: &mut ReferenceStream<'_>,
     request: &CompareRequest,
 ) -> Result<(Comparison, Freshness), PipelineError> {
     let session = reference.session;
@@ -128,7 +128,7 @@ pub fn compare_with(
 }
 
 /// Both streams as the stage `filter` left them, in the picture's own coordinates.
-struct Cut {
+struct ComparedStreams {
     real: Arc<Events>,
     simulated: Events,
     size: Size,
@@ -137,9 +137,9 @@ struct Cut {
 
 /// Both streams cut to the picture; none unless both were, to the same grid.
 fn cut_alike(
-    reference: &mut Reference<'_>,
+    reference: &mut ReferenceStream<'_>,
     request: &CompareRequest,
-) -> Result<Option<Cut>, PipelineError> {
+) -> Result<Option<ComparedStreams>, PipelineError> {
     let Some(simulated) = filter::filtered_events(reference.session, &request.simulated)? else {
         return Ok(None);
     };
@@ -147,16 +147,16 @@ fn cut_alike(
     Ok(real.zip(simulated).filter(|(real, simulated)| real.1 == simulated.1).map(
         |((real, size, mut inputs), (simulated, _, more))| {
             inputs.extend(more);
-            Cut { real, simulated, size, inputs }
+            ComparedStreams { real, simulated, size, inputs }
         },
     ))
 }
 
 /// Compares in the picture's own coordinates, where streams of any camera meet.
 fn run_cut(
-    reference: &Reference<'_>,
+    reference: &ReferenceStream<'_>,
     request: &CompareRequest,
-    cut: &Cut,
+    cut: &ComparedStreams,
 ) -> Result<Comparison, PipelineError> {
     let session = reference.session;
     let record = read_stage(&session.layout().derived("generate", Some(&request.simulated)));
@@ -180,14 +180,14 @@ fn run_cut(
     judge(reference, request, real, simulated, &setup)
 }
 
-fn no_overlap(reference: &Reference<'_>, request: &CompareRequest) -> PipelineError {
+fn no_overlap(reference: &ReferenceStream<'_>, request: &CompareRequest) -> PipelineError {
     let (real, simulated) = (&reference.name, &request.simulated);
     let what = format!("`{real}` and `{simulated}` do not overlap in time");
     PipelineError::Missing { session: reference.session.root().to_owned(), what }
 }
 
 fn judge(
-    reference: &Reference<'_>,
+    reference: &ReferenceStream<'_>,
     request: &CompareRequest,
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
@@ -210,7 +210,7 @@ fn light_of(session: &Session, simulated: &StreamName) -> Option<String> {
 }
 
 fn run(
-    reference: &mut Reference<'_>,
+    reference: &mut ReferenceStream<'_>,
     request: &CompareRequest,
     light: Option<&str>,
 ) -> Result<Comparison, PipelineError> {

@@ -26,12 +26,12 @@ pub enum PipelineError {
     Generate {
         /// The session.
         session: PathBuf,
-        /// The light.
+        /// The frames.
         stream: String,
         /// What is wrong with which frame.
         source: GenerateError,
     },
-    /// The clocks cannot be put together.
+    /// The clocks cannot be synchronized.
     #[error("the clocks of {session}: {source}", session = session.display())]
     Clock {
         /// The session.
@@ -39,7 +39,7 @@ pub enum PipelineError {
         /// What is wrong.
         source: ClockError,
     },
-    /// No map of the print can be made, or the event camera cannot be tied to it.
+    /// The target cannot be reconstructed, or the event camera not registered to it.
     #[error("scene: {0}")]
     Scene(#[from] SceneError),
     /// The tag cannot be tracked.
@@ -62,22 +62,22 @@ pub enum PipelineError {
         /// What is wrong.
         source: FilterError,
     },
-    /// Effects or light of a generation cannot be used.
+    /// Effects or frames of a generation cannot be used.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]
     Forward {
         /// The session.
         session: PathBuf,
-        /// The light.
+        /// The frames.
         stream: String,
         /// What is wrong.
         source: Box<ForwardError>,
     },
-    /// Frames cannot serve as light at any time.
+    /// Frames cannot be interpolated to a log-intensity signal.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]
     Frames {
         /// The session.
         session: PathBuf,
-        /// The light.
+        /// The frames.
         stream: String,
         /// What is wrong.
         source: FramesError,
@@ -88,7 +88,7 @@ pub enum PipelineError {
     /// The generator's parameters cannot be used.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
-    /// Constants cannot be told from the session.
+    /// Constants cannot be calibrated on the session.
     #[error("calibrating on {session}: {source}", session = session.display())]
     Calibrate {
         /// The session.
@@ -141,12 +141,12 @@ pub enum PipelineError {
         /// What is wrong with it.
         source: serde_json::Error,
     },
-    /// The system refused.
+    /// The system returned an error.
     #[error("{path}: {source}", path = path.display())]
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
 }

@@ -1,5 +1,5 @@
-//! The stage `filter`: an event stream cut to the moving picture and freed of noise, by the same code
-//! and settings whether it is real or generated.
+//! The stage `filter`: an event stream cropped to the moving target and without noise, by the same
+//! code and settings whether it is real or generated.
 
 use super::error::missing;
 use super::sync::read_clocks;
@@ -35,15 +35,15 @@ pub struct FilterRequest {
 /// Which filters run, in this order: hot pixels, background, refractory, region, rate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FilterSettings {
-    /// Whether events outside the tracked picture are dropped.
+    /// Whether events outside the tracked target are dropped.
     pub region: bool,
-    /// How far beyond the picture events are kept, as a share of its side.
+    /// Margin around the target, as a share of its side.
     pub margin: f64,
-    /// Side of the square crop in the picture's own coordinates; none to leave events at their pixels.
+    /// Side of the square crop in target coordinates; none to leave events at their pixels.
     pub crop_px: Option<u16>,
-    /// Whether pixels that fire far more than the rest are left out.
+    /// Whether hot pixels are removed.
     pub hot_pixel: bool,
-    /// Longest time since an event of a neighbour, microseconds.
+    /// Longest time since an event of a neighbouring pixel, microseconds.
     pub background_us: Option<i64>,
     /// Least time since the last kept event of the pixel, microseconds.
     pub refractory_us: Option<i64>,
@@ -66,7 +66,7 @@ impl Default for FilterSettings {
     }
 }
 
-/// What became of a stream.
+/// A filtered stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FilteredStream {
     /// Counts.
@@ -75,7 +75,7 @@ pub struct FilteredStream {
     pub freshness: Freshness,
 }
 
-/// What came in, what went out, and why the rest did not.
+/// Counts of events read, kept and dropped by reason.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FilterTally {
     /// Events of the file, with those that are not on the sensor.
@@ -84,7 +84,7 @@ pub struct FilterTally {
     pub events: DropTally,
     /// Number of hot pixels found.
     pub n_hot_pixels: u64,
-    /// The track that the region went by.
+    /// The track behind the region.
     pub track: Option<String>,
     /// Grid of the events that went out.
     pub size: Option<Size>,
@@ -102,7 +102,7 @@ pub fn common_grid(session: &Session) -> Option<FilterSettings> {
     Some(FilterSettings { crop_px: Some(crop as u16), ..plain })
 }
 
-/// A path has a knot so often.
+/// Interval of the knots of a path, µs.
 const STEP_US: i64 = 1_000;
 
 /// Runs the stage, unless its result is fresh.

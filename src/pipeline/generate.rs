@@ -21,7 +21,7 @@ use output::{failed, open, refuse_recorded, stage, too_few};
 use serde_json::json;
 use std::time::{Duration, Instant};
 
-/// Runs the stage, unless its result is fresh. `progress` is told frames done and in all.
+/// Runs the stage, unless its result is fresh. `progress` takes frames done and in all.
 ///
 /// # Errors
 /// When there is no such light, a frame cannot be used, or the disk refuses.

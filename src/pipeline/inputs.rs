@@ -1,4 +1,4 @@
-//! What a stage's result depends on: checksums of its inputs.
+//! Checksums of a stage's inputs.
 
 use evrig_session::{
     Session, SessionError, Sha256Hex, StreamEntry, StreamKind, StreamName, read_stage,

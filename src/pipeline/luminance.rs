@@ -14,7 +14,7 @@ use evrig_session::{
     read_stage,
 };
 
-enum FrameSource {
+enum CameraFrames {
     Davis(DavisFrames),
     Pi { pictures: PiCameraFrames, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
 }
@@ -25,7 +25,7 @@ enum FrameSource {
 /// frame keeps its mosaic and its pedestal, each pixel in its own colour, as the published generator
 /// takes it.
 pub(super) struct LuminanceStream {
-    source: FrameSource,
+    source: CameraFrames,
     preparer: FramePreparer,
     ascending: AscendingFrames,
     row_us: f64,
@@ -42,9 +42,9 @@ pub(super) fn luminance(session: &Session, name: &str) -> Result<LuminanceStream
             missing(session, what)
         })?;
         let davis_from_sensor = Box::new(clocks.davis_from(name));
-        FrameSource::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
+        CameraFrames::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
     } else {
-        FrameSource::Davis(session.davis_frames(name)?)
+        CameraFrames::Davis(session.davis_frames(name)?)
     };
     let (preparer, ascending) = (FramePreparer::default(), AscendingFrames::default());
     Ok(LuminanceStream { source, preparer, ascending, row_us: 0.0 })
@@ -83,7 +83,7 @@ impl LuminanceStream {
     }
 }
 
-impl FrameSource {
+impl CameraFrames {
     /// The next frame, whenever it was.
     fn read(
         &mut self,

@@ -7,10 +7,10 @@ pub use result::{ProcessStep, Processed, SkippedStage, StageResult};
 use super::scene_source::SCENE;
 use super::{
     AlignProgress, CalibrateRequest, CompareRequest, Conditions, DiagnoseRequest, FilterRequest,
-    GenerateRequest, Generated, ModelChoice, ObjectiveKind, PipelineError, Progress, Reference,
-    VariantList, align, calibrate, common_grid, compare_with, count_frames, default_baseline,
-    default_light, diagnose, event_streams, filter, frame_streams, generate, pi_streams,
-    read_clocks, simulated_streams, track_for, variants, white_of,
+    GenerateRequest, Generated, ModelChoice, ObjectiveKind, PipelineError, PipelineProgress,
+    ReferenceStream, VariantList, align, calibrate, common_grid, compare_with, count_frames,
+    default_baseline, default_light, diagnose, event_streams, filter, frame_streams, generate,
+    pi_streams, read_clocks, simulated_streams, track_for, variants, white_of,
 };
 use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_generate::GenerateParameters;
@@ -36,7 +36,7 @@ pub struct ProcessRequest {
 pub fn process(
     session: &Session,
     request: &ProcessRequest,
-    progress: &(dyn Fn(Progress<'_>) + Sync),
+    progress: &(dyn Fn(PipelineProgress<'_>) + Sync),
 ) -> Result<Processed, PipelineError> {
     let mut run = ProcessRun { session, request, progress, steps: Vec::new(), n_lost: 0 };
     run.align()?;
@@ -56,7 +56,7 @@ pub fn process(
 struct ProcessRun<'a> {
     session: &'a Session,
     request: &'a ProcessRequest,
-    progress: &'a (dyn Fn(Progress<'_>) + Sync),
+    progress: &'a (dyn Fn(PipelineProgress<'_>) + Sync),
     steps: Vec<ProcessStep>,
     n_lost: usize,
 }
@@ -80,10 +80,10 @@ impl ProcessRun<'_> {
         let aligned = align(self.session, self.request.force, &|step| match step {
             AlignProgress::Tracked => {
                 let done = n_tracked.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(Progress::Stage { stage: "track", stream: "", done, total });
+                progress(PipelineProgress::Stage { stage: "track", stream: "", done, total });
             }
             AlignProgress::Mapped(done, total) => {
-                progress(Progress::Stage { stage: "scene", stream: "", done, total });
+                progress(PipelineProgress::Stage { stage: "scene", stream: "", done, total });
             }
         });
         match aligned.clocks {
@@ -200,7 +200,12 @@ impl ProcessRun<'_> {
             force: self.request.force,
         };
         let made = generate(self.session, &request, &mut |done, total| {
-            (self.progress)(Progress::Stage { stage: "generate", stream: name, done, total });
+            (self.progress)(PipelineProgress::Stage {
+                stage: "generate",
+                stream: name,
+                done,
+                total,
+            });
         })?;
         Ok((request, made))
     }
@@ -220,7 +225,12 @@ impl ProcessRun<'_> {
             seed: self.request.choice.seed,
             force: self.request.force,
         };
-        (self.progress)(Progress::Stage { stage: "calibrate", stream: signal, done: 0, total: 1 });
+        (self.progress)(PipelineProgress::Stage {
+            stage: "calibrate",
+            stream: signal,
+            done: 0,
+            total: 1,
+        });
         match calibrate(self.session, &request) {
             Ok((calibration, freshness)) => {
                 self.done(StageResult::Calibrate(request, calibration, freshness));
@@ -272,7 +282,7 @@ impl ProcessRun<'_> {
         if streams.is_empty() {
             self.skip("compare", "there is no simulated stream");
         }
-        let mut reference = Reference::new(self.session, "real");
+        let mut reference = ReferenceStream::new(self.session, "real");
         for simulated in streams {
             let ProcessRequest { choice: ModelChoice { seed, .. }, force, .. } = *self.request;
             let request = CompareRequest { real: "real".into(), simulated, seed, force };
@@ -306,7 +316,7 @@ impl ProcessRun<'_> {
         };
         let progress = self.progress;
         let found = diagnose(self.session, &request, &mut |what| {
-            progress(Progress::Diagnosis(what));
+            progress(PipelineProgress::Diagnosis(what));
         });
         match found {
             Ok((diagnosis, _)) => self.done(StageResult::Diagnose(diagnosis)),

@@ -2,7 +2,7 @@
 
 /// One report of progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress<'a> {
+pub enum PipelineProgress<'a> {
     /// Units of a stage that are done, and in all; 0 in all where that is not known.
     Stage {
         /// The stage.

@@ -1,4 +1,4 @@
-//! The stage `report`: what the other stages left in a session becomes one page.
+//! The stage `report`: the results of all stages on one page.
 
 mod preflight;
 mod target;

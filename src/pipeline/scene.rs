@@ -1,4 +1,4 @@
-//! The stage `scene`: a map of the print, the path over it, and the event camera tied to both.
+//! The stage `scene`: the reconstructed target, the camera path, and the registered event camera.
 
 use super::error::missing;
 use super::sync::read_clocks;
@@ -76,7 +76,7 @@ pub fn scene_streams(session: &Session) -> Result<[&str; 2], PipelineError> {
     }
 }
 
-/// Runs the stage, unless its result is fresh. `progress` is told frames done and in all.
+/// Runs the stage, unless its result is fresh. `progress` takes frames done and in all.
 ///
 /// # Errors
 /// When tracks or clocks are missing, the pictures fit no geometry, or the disk refuses.

@@ -25,7 +25,7 @@ pub struct SweepRequest {
     pub seconds: f64,
 }
 
-/// The page and what stands in it.
+/// The page and its numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swept {
     /// One self-contained HTML file.

@@ -1,4 +1,4 @@
-//! The stage `sync`: the session's clocks, and where each frame of the Pi lies among the events.
+//! The stage `sync`: the session's clocks, and the time of each Pi frame on the events' clock.
 
 use super::error::missing;
 use super::streams::pi_streams;
@@ -247,9 +247,9 @@ fn arrivals(
 }
 
 /// A track of the DAVIS and one of the Pi, where there are both.
-type Pair = [(String, AnyTrack); 2];
+type TrackPair = [(String, AnyTrack); 2];
 
-fn pair_of_tracks(session: &Session) -> Result<Option<Pair>, PipelineError> {
+fn pair_of_tracks(session: &Session) -> Result<Option<TrackPair>, PipelineError> {
     let mut davis = None;
     let mut pi = None;
     for name in track::tracked(session) {

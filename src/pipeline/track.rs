@@ -1,4 +1,4 @@
-//! The stage `track`: the tag followed through a stream's frames, each on its camera's own clock.
+//! The stage `track`: the path of the tag through a stream's frames, on the camera's own clock.
 
 use super::{Freshness, PipelineError, clear, error::missing, fresh_record, inputs, read_json};
 use evrig_core::frame::Frame;
@@ -107,7 +107,7 @@ pub fn read_summary(session: &Session, stream: &str) -> Option<TrackSummary> {
     record.tally_as().ok()
 }
 
-/// Runs the stage, unless its result is fresh. `progress` is told frames done and in all.
+/// Runs the stage, unless its result is fresh. `progress` takes frames done and in all.
 ///
 /// # Errors
 /// When there is no such stream, no frame shows the tag, or the disk refuses.
@@ -140,12 +140,12 @@ pub fn track(
         return Ok(Tracked { track, summary, freshness: Freshness::Fresh });
     }
     let n = entry.count;
-    let told = &mut |done| progress(done, n);
+    let count = &mut |done| progress(done, n);
     let follow = Follow { session, stream, rig: &rig, camera: &camera };
     let track = if is_from_pi {
-        AnyTrack::Pi(follow.run(session.pi_frames(stream)?, told)?)
+        AnyTrack::Pi(follow.run(session.pi_frames(stream)?, count)?)
     } else {
-        AnyTrack::Davis(follow.run(session.davis_frames(stream)?, told)?)
+        AnyTrack::Davis(follow.run(session.davis_frames(stream)?, count)?)
     };
     let summary = track.summary(&whose);
     clear(&directory)?;
@@ -219,7 +219,7 @@ impl Follow<'_> {
             let tracker = match &mut tracker {
                 Some(tracker) => tracker,
                 none => {
-                    let options = TrackOptions::new(light(&picture));
+                    let options = TrackOptions::new(brightness_of(&picture));
                     let made = Tracker::new(&self.rig.target, self.camera, options);
                     none.insert(made.map_err(wrong)?)
                 }
@@ -234,7 +234,7 @@ impl Follow<'_> {
 }
 
 /// What the tracker must know of the samples.
-fn light<C: Clock>(picture: &RecordedFrame<C>) -> SampleFormat {
+fn brightness_of<C: Clock>(picture: &RecordedFrame<C>) -> SampleFormat {
     match picture.properties.bayer {
         Some(_) => {
             let black: f32 = picture.properties.black_dn.iter().sum::<f32>() / 4.0;

@@ -3,8 +3,8 @@
 use super::error::missing;
 use super::{
     CalibrateRequest, CompareRequest, Conditions, FilterRequest, Freshness, GenerateRequest,
-    Generated, ModelChoice, ObjectiveKind, PipelineError, Progress, Reference, calibrate,
-    common_grid, compare_with, filter, generate, read_calibration,
+    Generated, ModelChoice, ObjectiveKind, PipelineError, PipelineProgress, ReferenceStream,
+    calibrate, common_grid, compare_with, filter, generate, read_calibration,
 };
 use evrig_analysis::compare::Comparison;
 use evrig_generate::effect::EffectSet;
@@ -154,16 +154,16 @@ pub fn variants(
     list: &VariantList,
     seed: u64,
     force: bool,
-    progress: &dyn Fn(Progress<'_>),
+    progress: &dyn Fn(PipelineProgress<'_>),
 ) -> Result<VariantResults, PipelineError> {
-    let mut reference = Reference::new(session, "real");
+    let mut reference = ReferenceStream::new(session, "real");
     let run = VariantRun { session, seed, force, progress };
     let (mut results, n) = (Vec::new(), list.variants.len());
     for (i, variant) in list.variants.iter().enumerate() {
         let began = Instant::now();
         let result = run.one(&mut reference, variant)?;
         let summary = result.summary(began.elapsed().as_secs_f64());
-        progress(Progress::Message(&format!("{:>2} of {n}  {summary}", i + 1)));
+        progress(PipelineProgress::Message(&format!("{:>2} of {n}  {summary}", i + 1)));
         results.push(result);
     }
     let session = session.manifest().name.clone();
@@ -174,13 +174,13 @@ struct VariantRun<'a> {
     session: &'a Session,
     seed: u64,
     force: bool,
-    progress: &'a dyn Fn(Progress<'_>),
+    progress: &'a dyn Fn(PipelineProgress<'_>),
 }
 
 impl VariantRun<'_> {
     fn one(
         &self,
-        reference: &mut Reference<'_>,
+        reference: &mut ReferenceStream<'_>,
         variant: &VariantDescription,
     ) -> Result<VariantResult, PipelineError> {
         let Self { session, seed, force, progress } = *self;
@@ -198,7 +198,7 @@ impl VariantRun<'_> {
             let stage = "generate";
             let name = request.name.clone();
             let made = generate(session, &request, &mut |done, total| {
-                progress(Progress::Stage { stage, stream: name.as_str(), done, total });
+                progress(PipelineProgress::Stage { stage, stream: name.as_str(), done, total });
             })?;
             Ok((request, made))
         });
@@ -254,7 +254,12 @@ impl VariantRun<'_> {
         if !choice.is_calibrated() || read_calibration(self.session, &signal)?.is_some() {
             return Ok(());
         }
-        (self.progress)(Progress::Stage { stage: "calibrate", stream: from, done: 0, total: 1 });
+        (self.progress)(PipelineProgress::Stage {
+            stage: "calibrate",
+            stream: from,
+            done: 0,
+            total: 1,
+        });
         let request = CalibrateRequest {
             from: from.to_owned(),
             real: "real".into(),

@@ -1,4 +1,4 @@
-//! What Slurm says of jobs that run, wait, or ended a moment ago.
+//! States of jobs that run, wait, or ended recently, from `squeue`.
 
 use super::{BatchError, run};
 

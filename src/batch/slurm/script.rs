@@ -1,10 +1,10 @@
-//! The two scripts.
+//! The scripts of tasks and gathering job.
 
-use super::Job;
+use super::SlurmJob;
 use std::path::Path;
 
 /// A task: one session, by its number behind the number of the array's first.
-pub(super) fn tasks(program: &Path, root: &Path, job: &Job) -> String {
+pub(super) fn tasks(program: &Path, root: &Path, job: &SlurmJob) -> String {
     let command = command(program, root, job);
     format!(
         "#!/bin/sh\n\
@@ -15,7 +15,7 @@ pub(super) fn tasks(program: &Path, root: &Path, job: &Job) -> String {
 }
 
 /// The job behind the tasks: index, card, comparison, report; and what was cut off once more.
-pub(super) fn gather(program: &Path, root: &Path, job: &Job) -> String {
+pub(super) fn gather(program: &Path, root: &Path, job: &SlurmJob) -> String {
     let command = command(program, root, job);
     format!(
         "#!/bin/sh\n\
@@ -24,7 +24,7 @@ pub(super) fn gather(program: &Path, root: &Path, job: &Job) -> String {
     )
 }
 
-fn command(program: &Path, root: &Path, job: &Job) -> String {
+fn command(program: &Path, root: &Path, job: &SlurmJob) -> String {
     let mut words = vec![program.display().to_string(), "process".to_owned()];
     words.push(root.display().to_string());
     words.extend(job.arguments.iter().cloned());

@@ -1,6 +1,6 @@
 //! A dataset's sessions and its comparison as tables for people.
 
-use crate::batch::{Aggregate, Index, Verdict};
+use crate::batch::{Aggregate, Index, OutcomeKind};
 use crate::commands::table::aligned;
 use evrig_report::number::quantity;
 use std::fmt::Write;
@@ -22,9 +22,9 @@ pub(super) fn sessions(index: &Index) -> String {
         text,
         "{} sessions: {} ok, {} with losses, {} failed{}",
         index.sessions.len(),
-        n(Some(Verdict::Ok)),
-        n(Some(Verdict::WithLosses)),
-        n(Some(Verdict::Failed)),
+        n(Some(OutcomeKind::Ok)),
+        n(Some(OutcomeKind::WithLosses)),
+        n(Some(OutcomeKind::Failed)),
         match n(None) {
             0 => String::new(),
             n => format!(", {n} not processed"),

@@ -1,17 +1,17 @@
-//! A plan in words and columns.
+//! A plan as text and tables.
 
 use evrig_session::trajectory::{Margin, Plan, SegmentPlan, Trajectory};
 use std::fmt;
 
-/// More motions than this are counted, not listed.
+/// Longest list of motions; further ones are only counted.
 const MAX_ROWS: usize = 60;
 
-pub(super) struct Table<'a> {
+pub(super) struct PlanTable<'a> {
     pub(super) plan: &'a Plan,
     pub(super) trajectory: &'a Trajectory,
 }
 
-impl fmt::Display for Table<'_> {
+impl fmt::Display for PlanTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plan = self.plan;
         writeln!(f, "{} on rig {}", plan.trajectory, plan.rig)?;
@@ -37,7 +37,7 @@ impl fmt::Display for Table<'_> {
         writeln!(
             f,
             "\n{:<26} {:>10} {:>24} {:>10}  nearest at",
-            "limit", "value", "allowed", "room"
+            "limit", "value", "allowed", "margin"
         )?;
         for margin in &plan.margins {
             margin_row(f, margin)?;
@@ -60,7 +60,7 @@ fn segments(f: &mut fmt::Formatter<'_>, segments: &[SegmentPlan]) -> fmt::Result
     writeln!(
         f,
         "{:<width$} {:>9} {:>9} {:>9} {:>8} {:>8} {:>7}  sets",
-        "segment", "start s", "lasts s", "way mm", "mm/s", "mm/s^2", "cruise"
+        "segment", "start s", "lasts s", "path mm", "mm/s", "mm/s^2", "cruise"
     )?;
     for segment in segments.iter().take(MAX_ROWS) {
         let SegmentPlan { label, start_s, duration_s, length_mm, .. } = segment;
@@ -87,7 +87,7 @@ fn settings(segment: &SegmentPlan) -> String {
         said.push(format!("{} flashes", set.n_flashes));
     }
     said.extend(set.biases.iter().map(|(name, value)| format!("{name} = {value}")));
-    said.extend(set.prompt.iter().map(|prompt| format!("asks: {prompt}")));
+    said.extend(set.prompt.iter().map(|prompt| format!("prompt: {prompt}")));
     said.join(", ")
 }
 
@@ -97,9 +97,9 @@ fn margin_row(f: &mut fmt::Formatter<'_>, margin: &Margin) -> fmt::Result {
         Some(low) => format!("{low} to {} {}", gauge.high, gauge.unit),
         None => format!("up to {} {}", gauge.high, gauge.unit),
     };
-    let (limit, value, room) = (gauge.limit, gauge.value, margin.margin);
+    let (limit, value, left) = (gauge.limit, gauge.value, margin.margin);
     let (segment, time_s) = (&margin.segment, margin.time_s);
-    writeln!(f, "{limit:<26} {value:>10.2} {allowed:>24} {room:>10.2}  {segment}, {time_s:.3} s")
+    writeln!(f, "{limit:<26} {value:>10.2} {allowed:>24} {left:>10.2}  {segment}, {time_s:.3} s")
 }
 
 fn views(f: &mut fmt::Formatter<'_>, plan: &Plan) -> fmt::Result {

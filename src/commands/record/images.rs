@@ -1,6 +1,6 @@
 //! `record --images`: one recording for each picture that the stimulus shows.
 
-use super::{Take, Work};
+use super::{RecordedTake, RecordingRun};
 use crate::cli::RecordArgs;
 use crate::commands::{Ending, Output, WrongUse};
 use crate::drivers::OpenOptions;
@@ -18,7 +18,7 @@ use std::time::Duration;
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 pub(super) fn record(
-    work: &Work<'_>,
+    work: &RecordingRun<'_>,
     list: &Path,
     args: &RecordArgs,
     opening: &OpenOptions<'_>,
@@ -42,10 +42,11 @@ pub(super) fn record(
             worst = Ending::Aborted;
             break;
         }
-        output.say(format_args!("picture {} of {n_images}: {}", index + 1, image.label));
+        output.say(format_args!("image {} of {n_images}: {}", index + 1, image.label));
         let next = Arc::new(AtomicUsize::new(index));
         let screen = Screen::new(Arc::clone(&stimulus), next);
-        let Take { ending, value, text, .. } = work.take(&out, opening, Some(Box::new(screen)))?;
+        let RecordedTake { ending, value, text, .. } =
+            work.take(&out, opening, Some(Box::new(screen)))?;
         output.say(text);
         taken.push(json!({"label": image.label, "recording": value}));
         match ending {
@@ -58,10 +59,8 @@ pub(super) fn record(
         }
     }
     let n_taken = taken.len();
-    let text = format!(
-        "{}: {n_taken} recordings made, {n_left_out} were there already",
-        args.out.display()
-    );
+    let text =
+        format!("{}: {n_taken} recordings made, {n_left_out} already complete", args.out.display());
     let value = json!({
         "schema": "evrig.record-images/1", "dataset": args.out, "recordings": taken,
         "n_left_out": n_left_out,

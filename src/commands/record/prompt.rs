@@ -1,11 +1,11 @@
-//! Asking the operator at the terminal, without ever waiting there: Ctrl-C must work meanwhile.
+//! Prompts at the terminal that never block, so that Ctrl-C works meanwhile.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
-/// Between two polls of the Enter key.
+/// Interval between checks for Enter.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A terminal with somebody before it.

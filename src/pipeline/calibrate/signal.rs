@@ -1,4 +1,4 @@
-//! The luminance that event pixels saw, frame by frame, whichever camera took the frames.
+//! The luminance on the event pixels, frame by frame, from the frames of either camera.
 
 use super::super::error::missing;
 use super::super::interpolation::plane_path;
@@ -11,17 +11,16 @@ use evrig_generate::voltmeter::Coefficients;
 use evrig_generate::{DriveFrames, PlaneWarper};
 use evrig_session::{Session, StreamKind};
 
-/// The step at which the scene's light is taken, µs: no pixel of an arm's camera changes its light
-/// by much within it.
+/// Sampling step of the scene, µs: at the arm's speed no pixel changes much within it.
 const SCENE_STEP_US: u32 = 4_000;
 
 /// White of an 8-bit frame, DN: brighter frames are of 10 bits.
 const WHITE_8_BIT_DN: f32 = 255.0;
 
-/// Light to calibrate on.
+/// The signal to calibrate on.
 pub(super) struct CalibrationSignal {
     pub(super) light: BrightnessSeries,
-    /// The constants published for such light.
+    /// The constants published for such frames.
     pub(super) published: Coefficients,
     /// How the frames have to be prepared for the constants to hold.
     pub(super) preparation: FramePreparation,
@@ -145,7 +144,7 @@ fn own_frames(session: &Session) -> Result<String, PipelineError> {
     let tracked = super::super::tracked(session);
     let own = tracked.into_iter().find(|name| !session.is_from_pi(name).unwrap_or(true));
     own.ok_or_else(|| {
-        let what = "no track of the event camera says where its pixels look; run `evrig track`";
+        let what = "no track of the event camera locates its pixels; run `evrig track`";
         missing(session, what.into())
     })
 }

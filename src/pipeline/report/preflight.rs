@@ -1,4 +1,4 @@
-//! What was found before a recording, and what each device gave.
+//! Findings of the check before a recording, and the samples of each device.
 
 use crate::pipeline::PipelineError;
 use evrig_report::page::{Section, SectionBlock};

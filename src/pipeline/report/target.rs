@@ -1,4 +1,4 @@
-//! What the stages sync, track, scene and filter left in a session, for its report.
+//! Results of the stages sync, track, scene and filter in the report.
 
 use crate::pipeline::track::{AnyTrack, read_summary, read_track, tracked};
 use crate::pipeline::{PipelineError, read_clocks, read_filter_tally, read_scene};
