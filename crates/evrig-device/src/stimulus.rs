@@ -7,7 +7,6 @@
 //! samples, so that the manifest states what was shown.
 
 mod images;
-mod request;
 mod screen;
 mod serve;
 mod state;
@@ -17,7 +16,7 @@ pub use screen::Screen;
 pub use state::{Shown, StimulusState};
 
 use evrig_session::rig::TargetDescription;
-use serve::Served;
+use serve::PageServer;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -133,7 +132,7 @@ impl Stimulus {
         let images = Arc::new(images);
         let (state, _) = watch::channel(StimulusState::new(px_per_mm));
         let state = Arc::new(state);
-        let served = Served::new(address, target, Arc::clone(&images), Arc::clone(&state));
+        let served = PageServer::new(address, target, Arc::clone(&images), Arc::clone(&state));
         runtime.spawn(serve::accept(listener, Arc::new(served)));
         Ok(Self { address, images, state, runtime })
     }
