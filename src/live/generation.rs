@@ -178,7 +178,10 @@ impl Worker {
         }
     }
 
-    fn run(mut self, queue: &Receiver<GenerationJob>) -> Result<GenerationTally, StreamServerError> {
+    fn run(
+        mut self,
+        queue: &Receiver<GenerationJob>,
+    ) -> Result<GenerationTally, StreamServerError> {
         let mut events = Events::new();
         for GenerationJob { frame, born } in queue {
             let Some(light) = self.prepare(&frame) else { continue };

@@ -3,7 +3,7 @@
 //! Each test starts a host process (this test binary again) that drives circles on a simulated arm
 //! through the guard, and terminates it in some way.
 
-use evrig::device::dobot::command::{ArmCommand as ArmCommand, CartesianLimits, PtpMode};
+use evrig::device::dobot::command::{ArmCommand, CartesianLimits, PtpMode};
 use evrig::device::dobot::guard::GuardLink;
 use evrig::device::dobot::link::LinkError;
 use evrig::device::dobot::{ArmClient, ArmClientError, ArmTimeouts};

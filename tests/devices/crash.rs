@@ -161,8 +161,13 @@ fn check_frames(session: &Session) -> u64 {
     if session.stream(StreamKind::Frames, "raw").is_err() {
         return 0;
     }
-    let sequences: Vec<_> =
-        session.rig_log_contents().unwrap().metadata.iter().map(|metadata| metadata.sequence).collect();
+    let sequences: Vec<_> = session
+        .rig_log_contents()
+        .unwrap()
+        .metadata
+        .iter()
+        .map(|metadata| metadata.sequence)
+        .collect();
     assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
     for (picture, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
         let frame = picture.unwrap().frame;

@@ -254,7 +254,13 @@ fn try_wire(name: &'static str, wire: fn(&FaultSetup) -> &FaultyWire) {
     }
 }
 
-fn check_session(setup: &FaultSetup, outcome: &RecordOutcome, fault: WireFault, name: &str, what: &str) {
+fn check_session(
+    setup: &FaultSetup,
+    outcome: &RecordOutcome,
+    fault: WireFault,
+    name: &str,
+    what: &str,
+) {
     let session = verified(&setup.out(), what);
     let manifest = session.manifest();
     let losses = manifest.losses.iter().map(|loss| format!("{}: {}", loss.stream, loss.what));
@@ -346,7 +352,8 @@ fn try_network() {
         eprintln!("{what}: {:?}, {:?}, {:?}", manifest.status, outcome.cut_short, manifest.losses);
         let found = find_events(&session.layout().davis());
         assert_eq!(found.n_wrong, 0, "{what}: {found:?}");
-        let is_marked_complete = manifest.status == SessionStatus::Complete && manifest.losses.is_empty();
+        let is_marked_complete =
+            manifest.status == SessionStatus::Complete && manifest.losses.is_empty();
         assert!(!is_marked_complete, "{what}: marked complete");
         let arm = setup.emulator.state();
         assert!(!arm.is_busy && arm.n_waiting == 0, "{what}: the arm moves: {arm:?}");

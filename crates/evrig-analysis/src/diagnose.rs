@@ -51,7 +51,7 @@ pub use fit::effect_scan::EffectGain;
 pub use model::hypothesis::Hypothesis;
 pub use model::image_pose::ImagePose;
 pub use model::library::{
-    CandidateEffect, DerivedParameters, EffectParameter, FreedNuisance, LIBRARY, SignalStage,
+    CandidateEffect, CandidateParameter, CandidateStage, DerivedParameters, FreedNuisance, LIBRARY,
 };
 pub use model::nuisance::Nuisance;
 pub use model::pixel_mixture::{PixelMixture, PixelStratum};

@@ -23,6 +23,6 @@ mod test_support;
 pub use error::EffectError;
 pub use library::*;
 pub use model::{EffectDescription, EffectModel, EffectParameter, ReadoutContext, SignalStage};
-pub use pixel_site::{PixelSignal, PixelSite, RecordingContext};
+pub use pixel_site::{PixelSite, RecordingContext, SiteSignal};
 pub use region::Region;
 pub use set::{AppliedEffect, EffectSet};

@@ -9,7 +9,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// What steers a machine's wall clock.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "by", rename_all = "snake_case")]
-pub enum ClockDiscipline {
+pub enum DisciplineReport {
     /// chrony, and its tracking report.
     Chrony(Tracking),
     /// Nothing that could be asked.
@@ -44,7 +44,7 @@ pub struct Tracking {
     pub leap_status: String,
 }
 
-impl ClockDiscipline {
+impl DisciplineReport {
     /// Reads the line that `chronyc -c tracking` prints.
     #[must_use]
     pub fn parse(line: &str) -> Self {
@@ -128,13 +128,15 @@ mod tests {
     fn chronys_columns_are_read() {
         let line = "C0A80101,host.lan,3,1750000000.123,0.000012,-0.000034,0.000050,-7.250,0.001,\
                     0.020,0.000400,0.000300,64.2,Normal\n";
-        let ClockDiscipline::Chrony(found) = ClockDiscipline::parse(line) else { panic!("{line}") };
+        let DisciplineReport::Chrony(found) = DisciplineReport::parse(line) else {
+            panic!("{line}")
+        };
         assert_eq!((found.reference.as_str(), found.stratum), ("host.lan", 3));
         assert_eq!((found.frequency_ppm, found.skew_ppm), (-7.25, 0.02));
         assert_eq!(found.leap_status, "Normal");
         for wrong in ["", "506 Cannot talk to daemon", &line.replace("-7.250", "fast")] {
             assert!(
-                matches!(ClockDiscipline::parse(wrong), ClockDiscipline::Unknown { .. }),
+                matches!(DisciplineReport::parse(wrong), DisciplineReport::Unknown { .. }),
                 "{wrong}"
             );
         }
@@ -142,8 +144,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_machine_without_chrony_says_so() {
-        let ClockDiscipline::Unknown { because } =
-            ClockDiscipline::ask_program("evrig-no-such").await
+        let DisciplineReport::Unknown { because } =
+            DisciplineReport::ask_program("evrig-no-such").await
         else {
             panic!("there is such a program")
         };

@@ -3,7 +3,7 @@
 mod pictures;
 
 use super::coding::{self, CodingError};
-use super::discipline::ClockDiscipline;
+use super::discipline::DisciplineReport;
 use super::order::{CaptureOrder, CaptureSettings, Coding};
 use evrig_core::pi_camera::{ClockSandwich, FrameMetadata, PiFrame, RawClockSandwich};
 pub use pictures::MAX_MESSAGE_BYTES;
@@ -75,7 +75,7 @@ pub enum Message {
     /// Host: what keeps your clock right?
     AskDiscipline,
     /// Agent: this.
-    Discipline(ClockDiscipline),
+    Discipline(DisciplineReport),
     /// Host: send so many bytes, to measure the link.
     Probe {
         /// How many, at most [`MAX_PROBE_BYTES`].
@@ -113,7 +113,7 @@ enum MessageHead {
     AskClock,
     Clock { reading: PiClockReading },
     AskDiscipline,
-    Discipline { discipline: ClockDiscipline },
+    Discipline { discipline: DisciplineReport },
     Probe { n_bytes: usize },
     Filler { n_bytes: usize },
     Stop,
@@ -401,7 +401,7 @@ mod tests {
             frame(),
             late(),
             Message::AskDiscipline,
-            Message::Discipline(ClockDiscipline::Unknown { because: "none".into() }),
+            Message::Discipline(DisciplineReport::Unknown { because: "none".into() }),
             Message::Probe { n_bytes: 7 },
             Message::Filler(vec![3; 7]),
             Message::Draining { n_messages: 2, n_bytes: 9 },

@@ -1,6 +1,6 @@
 //! What every effect states and how it acts on signal, pixel and events.
 
-use super::pixel_site::{PixelSignal, PixelSite, RecordingContext, stream_of};
+use super::pixel_site::{PixelSite, RecordingContext, SiteSignal, stream_of};
 use super::region::Region;
 use crate::pixel_model::PixelModel;
 use crate::random::{CounterRng, RandomSource};
@@ -128,7 +128,7 @@ pub trait EffectModel: EffectDescription {
     }
 
     /// Changes the log-intensity signal.
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, _signal: &mut PixelSignal<'_>) {}
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, _signal: &mut SiteSignal<'_>) {}
 
     /// Changes the pixel.
     fn apply_to_pixel(&self, _site: &PixelSite<'_>, _pixel: &mut PixelModel) {}

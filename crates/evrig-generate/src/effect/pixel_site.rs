@@ -56,7 +56,7 @@ pub(crate) fn stream_of(id: EffectId) -> u64 {
 }
 
 /// The light of one pixel: natural logarithm of intensity over white at the instants of a grid.
-pub struct PixelSignal<'a> {
+pub struct SiteSignal<'a> {
     drive: &'a dyn Drive,
     place: [f64; 2],
     grid: TimeGrid,
@@ -66,7 +66,7 @@ pub struct PixelSignal<'a> {
     own: Vec<f32>,
 }
 
-impl<'a> PixelSignal<'a> {
+impl<'a> SiteSignal<'a> {
     /// The drive at a place, on the grid; none where nothing is known of it.
     pub(crate) fn sample(
         drive: &'a dyn Drive,

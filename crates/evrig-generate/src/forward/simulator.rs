@@ -4,7 +4,7 @@ use super::comparator_input::ComparatorInput;
 use super::parameters::{ForwardError, ForwardParameters, MAX_EVENT_RATE_HZ};
 use super::{noisy, quiet};
 use crate::effect::{
-    Effect, EffectError, PixelSignal, PixelSite, ReadoutContext, RecordingContext, Region,
+    Effect, EffectError, PixelSite, ReadoutContext, RecordingContext, Region, SiteSignal,
 };
 use crate::pixel_model::PixelModel;
 use crate::random::RandomSource;
@@ -196,7 +196,7 @@ impl ForwardSimulator {
         let place = self.acting(site).fold(middle, |place, e| e.model().drive_place(site, place));
         let lag_us: f64 = self.acting(site).map(|e| e.model().lag_us(site)).sum();
         let grid = TimeGrid { start_us: grid.start_us - lag_us.round() as i64, ..grid };
-        let Some(mut signal) = PixelSignal::sample(drive, place, grid, values) else {
+        let Some(mut signal) = SiteSignal::sample(drive, place, grid, values) else {
             return false;
         };
         self.acting(site).for_each(|effect| effect.model().apply_to_signal(site, &mut signal));

@@ -5,7 +5,7 @@ use super::frame_stream::FrameStream;
 use super::writer::{
     AgentStream, ConnectionError, HOST_READ_TIMEOUT, MessageWriter, SharedCamera, lock,
 };
-use crate::discipline::ClockDiscipline;
+use crate::discipline::DisciplineReport;
 use crate::order::{CaptureOrder, Delivery};
 use crate::read_all_clocks;
 use crate::source::{FrameSource, SourceError};
@@ -92,7 +92,7 @@ impl AgentState {
                     }
                     Message::AskClock => writer.write(&Message::Clock(read_all_clocks())).await?,
                     Message::AskDiscipline => {
-                        writer.write(&Message::Discipline(ClockDiscipline::ask().await)).await?;
+                        writer.write(&Message::Discipline(DisciplineReport::ask().await)).await?;
                     }
                     Message::Probe { n_bytes } => probe(writer, n_bytes).await?,
                     Message::Stop => {

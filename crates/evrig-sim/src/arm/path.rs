@@ -30,12 +30,12 @@ pub(super) enum LegPath {
         to: [f64; 4],
     },
     /// Around a centre.
-    Arc(CircularArc),
+    Arc(SimulatedArc),
 }
 
 /// A piece of a circle, or several turns of it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct CircularArc {
+pub(super) struct SimulatedArc {
     centre: Vector3<f64>,
     /// From the centre to the start.
     out: Vector3<f64>,
@@ -46,7 +46,7 @@ pub(super) struct CircularArc {
     r_to: f64,
 }
 
-impl CircularArc {
+impl SimulatedArc {
     /// The arc from `from` through `via` to `to`, and on around for `turns` whole turns when
     /// given (it then ends where it started).
     ///
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn the_papers_circle_lies_around_252_0_100_and_closes() {
-        let arc = CircularArc::through(START, VIA, OPPOSITE, Some(1)).unwrap();
+        let arc = SimulatedArc::through(START, VIA, OPPOSITE, Some(1)).unwrap();
         let path = LegPath::Arc(arc);
         assert!((path.length() - std::f64::consts::TAU * 12.0).abs() < 1e-9);
         for step in 0..=16 {
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn an_arc_goes_through_its_points_the_way_they_are_given() {
         let below = [252.0, -12.0, 100.0, 90.0];
-        let path = LegPath::Arc(CircularArc::through(START, VIA, below, None).unwrap());
+        let path = LegPath::Arc(SimulatedArc::through(START, VIA, below, None).unwrap());
         assert!((path.length() - std::f64::consts::TAU * 12.0 * 0.75).abs() < 1e-9);
         let ArmPoint::Xyzr(end) = path.at(1.0) else { panic!() };
         assert!((end[1] + 12.0).abs() < 1e-9);
@@ -169,7 +169,10 @@ mod tests {
     #[test]
     fn points_that_make_no_circle_raise_the_firmwares_alarms() {
         let middle = [252.0, 0.0, 100.0, 90.0];
-        assert_eq!(CircularArc::through(START, START, VIA, None), Err(Alarm::PLAN_REPEATED_POINT));
-        assert_eq!(CircularArc::through(START, middle, OPPOSITE, None), Err(Alarm::PLAN_ARC_INPUT));
+        assert_eq!(SimulatedArc::through(START, START, VIA, None), Err(Alarm::PLAN_REPEATED_POINT));
+        assert_eq!(
+            SimulatedArc::through(START, middle, OPPOSITE, None),
+            Err(Alarm::PLAN_ARC_INPUT)
+        );
     }
 }

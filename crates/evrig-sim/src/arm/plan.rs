@@ -7,7 +7,7 @@
 
 use super::motion::{ArmGeometry, ArmMotion, Leg};
 use super::options::ArcSpeed;
-use super::path::{ArmPoint, CircularArc, LegPath};
+use super::path::{ArmPoint, LegPath, SimulatedArc};
 use super::profile::SpeedProfile;
 use super::registers::ArmRegisters;
 use evrig_device::dobot::alarm::Alarm;
@@ -107,7 +107,7 @@ impl Planner<'_> {
     }
 
     fn arc(&self, via: [f64; 4], to: [f64; 4], turns: Option<u32>) -> Result<ArmMotion, Alarm> {
-        let path = LegPath::Arc(CircularArc::through(self.xyzr, via, to, turns)?);
+        let path = LegPath::Arc(SimulatedArc::through(self.xyzr, via, to, turns)?);
         let speeds = match self.arc_speed {
             ArcSpeed::ArcParams => self.speeds(id::ARC_PARAMS, id::ARC_COMMON),
             ArcSpeed::PtpCoordinate => self.speeds(id::PTP_COORDINATE, id::PTP_COMMON),

@@ -15,8 +15,8 @@ pub use frames::{
 pub use mechanics::Vibration;
 pub use pixel::{
     Adaptation, BackgroundActivity, DarkCurrent, DeadPixels, FixedPole, HotPixels, JunctionLeak,
-    PhotocurrentLeak, PhotoreceptorBandwidth, PixelLatency, RefractoryPeriod, ShotNoise,
-    TemperatureDrift, ThresholdAsymmetry, ThresholdMismatch,
+    PhotocurrentLeak, PhotoreceptorBandwidth, PixelLatency, ShotNoise, TemperatureDrift,
+    ThresholdAsymmetry, ThresholdMismatch, WorldRefractoryPeriod,
 };
 pub use readout::{ApsCoupling, EventDrop, ReadoutSaturation, RowReadout, StampJitter};
 pub use unlisted::{SlewLimit, SupportFilter, ThresholdFatigue};
@@ -57,8 +57,8 @@ effects! {
     photoreceptor_bandwidth: PhotoreceptorBandwidth,
     /// See [`FixedPole`].
     fixed_pole: FixedPole,
-    /// See [`RefractoryPeriod`].
-    refractory_period: RefractoryPeriod,
+    /// See [`WorldRefractoryPeriod`].
+    refractory_period: WorldRefractoryPeriod,
     /// See [`ThresholdMismatch`].
     threshold_mismatch: ThresholdMismatch,
     /// See [`ThresholdAsymmetry`].

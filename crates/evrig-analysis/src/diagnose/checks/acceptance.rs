@@ -11,7 +11,7 @@ use super::upper_bound::RecalibrationGain;
 use crate::diagnose::Hypothesis;
 use crate::diagnose::fit::cell_scores::is_suggestive;
 use crate::diagnose::fit::fitted::FittedModel;
-use crate::diagnose::model::library::EffectParameter;
+use crate::diagnose::model::library::CandidateParameter;
 use evrig_core::stats::Z90;
 
 /// Residual structure that the noise model's shape and light errors leave under a true model.
@@ -153,7 +153,7 @@ pub(crate) fn with_strength_fixed_aside(
 fn fitted_parameters(
     hypothesis: &Hypothesis,
     index: usize,
-) -> impl Iterator<Item = (usize, &'static EffectParameter)> {
+) -> impl Iterator<Item = (usize, &'static CandidateParameter)> {
     let parameters = hypothesis.effects[index].parameters;
     let all_follow = parameters.iter().all(|p| p.is_hidden);
     let numbered = (hypothesis.offset_of(index)..).zip(parameters);
@@ -167,7 +167,7 @@ const BOUND_TOLERANCE: f64 = 1e-3;
 pub(crate) fn parameter_at_bound(
     hypothesis: &Hypothesis,
     index: usize,
-) -> Option<&'static EffectParameter> {
+) -> Option<&'static CandidateParameter> {
     fitted_parameters(hypothesis, index)
         .find(|(at, _)| hypothesis.is_at_end(*at, BOUND_TOLERANCE))
         .map(|(_, parameter)| parameter)

@@ -8,7 +8,7 @@
 
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
-use crate::diagnose::model::library::{CandidateEffect, EffectParameter};
+use crate::diagnose::model::library::{CandidateEffect, CandidateParameter};
 use crate::diagnose::{Evidence, Hypothesis};
 use crate::predict::{Residual, residuals};
 use evrig_core::geometry::Rectangle;
@@ -125,7 +125,7 @@ impl StrengthParameters {
             let rates = rates.filter(|(freed, _)| !freed.nuisance.neutral().is_finite());
             return Some(Self { at: rates.map(|(_, at)| at).collect(), step, unit: 1.0 });
         }
-        let is_free = |p: &&EffectParameter| !p.is_fixed;
+        let is_free = |p: &&CandidateParameter| !p.is_fixed;
         let own = || effect.parameters.iter().filter(is_free);
         let chosen = own().find(|p| p.is_log && !p.is_hidden).or_else(|| own().find(|p| p.is_log));
         let chosen = chosen.or_else(|| own().find(|p| !p.is_hidden))?;

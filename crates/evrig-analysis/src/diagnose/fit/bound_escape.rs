@@ -8,7 +8,7 @@
 use super::fitted::FittedModel;
 use super::gauss_newton::{score_model, score_models};
 use super::local_refinement::{refine_locally, subset_stride};
-use crate::diagnose::model::library::EffectParameter;
+use crate::diagnose::model::library::CandidateParameter;
 use crate::diagnose::{Evidence, Hypothesis, Nuisance};
 
 /// Nuisances that a library effect can be confused with.
@@ -98,7 +98,7 @@ fn scaled(hypothesis: &Hypothesis, doublings: f64) -> Hypothesis {
 
 /// The last effect's first parameter with its value index; `None` for an effect that frees
 /// nuisances.
-fn first_parameter(hypothesis: &Hypothesis) -> Option<(usize, &'static EffectParameter)> {
+fn first_parameter(hypothesis: &Hypothesis) -> Option<(usize, &'static CandidateParameter)> {
     let last = hypothesis.effects.len().checked_sub(1)?;
     let effect = hypothesis.effects[last];
     let parameter = effect.parameters.first().filter(|_| effect.freed.is_empty())?;

@@ -2,7 +2,7 @@
 //! pixel.
 
 use super::image_pose::ImagePose;
-use super::library::{CandidateEffect, EffectParameter, FreedNuisance, SignalStage};
+use super::library::{CandidateEffect, CandidateParameter, CandidateStage, FreedNuisance};
 use super::nuisance::{N_NUISANCES, Nuisance};
 use super::predicted_pixel::PredictedPixel;
 use super::score_grid::{HeldGrid, PinnedStrata};
@@ -167,7 +167,7 @@ impl Hypothesis {
 
     /// With a parameter multiplied by a factor, within its range.
     #[must_use]
-    pub(crate) fn scaled(&self, at: usize, parameter: &EffectParameter, times: f64) -> Self {
+    pub(crate) fn scaled(&self, at: usize, parameter: &CandidateParameter, times: f64) -> Self {
         let mut other = self.clone();
         let [low, high] = other.ranges[at];
         let there = times * parameter.from_fitted(other.values[at]);
@@ -237,7 +237,7 @@ impl Hypothesis {
         let nuisances = self.nuisances_at(pixel.x, pixel.y);
         view.blur(nuisances[Nuisance::BlurPx2 as usize]);
         view.displace(ImagePose::of(&nuisances));
-        self.apply(&mut view, stratum, &SignalStage::ALL);
+        self.apply(&mut view, stratum, &CandidateStage::ALL);
         view
     }
 
@@ -250,14 +250,14 @@ impl Hypothesis {
         signal: Vec<f32>,
     ) -> PredictedPixel<'a> {
         let mut view = self.bare(evidence, pixel, signal);
-        self.apply(&mut view, stratum, &SignalStage::AFTER_SIGNAL);
+        self.apply(&mut view, stratum, &CandidateStage::AFTER_SIGNAL);
         view
     }
 
     /// Whether a pixel's signal is the unchanged light.
     pub(crate) fn leaves_light_unchanged(&self, pixel: &PixelEvidence) -> bool {
         let is_behind =
-            |effect: &&CandidateEffect| SignalStage::AFTER_SIGNAL.contains(&effect.stage);
+            |effect: &&CandidateEffect| CandidateStage::AFTER_SIGNAL.contains(&effect.stage);
         self.effects.iter().all(is_behind) && {
             let nuisances = self.nuisances_at(pixel.x, pixel.y);
             nuisances[Nuisance::BlurPx2 as usize] == 0.0
@@ -282,13 +282,13 @@ impl Hypothesis {
             return false;
         }
         // A drift is measured in thresholds.
-        let drifts = self.effects.iter().any(|effect| effect.stage == SignalStage::Drift);
+        let drifts = self.effects.iter().any(|effect| effect.stage == CandidateStage::Drift);
         if drifts && !(same(Nuisance::LogTheta as usize) && same(Nuisance::LogRatio as usize)) {
             return false;
         }
         self.effects.iter().enumerate().all(|(index, effect)| {
             let frees_it = |freed: &FreedNuisance| affects_signal(&freed.nuisance);
-            let is_behind = SignalStage::AFTER_SIGNAL.contains(&effect.stage);
+            let is_behind = CandidateStage::AFTER_SIGNAL.contains(&effect.stage);
             let is_behind = is_behind && !drifts && !effect.freed.iter().any(frees_it);
             is_behind || self.value_indices(index).into_iter().all(same)
         })
@@ -318,7 +318,12 @@ impl Hypothesis {
         }
     }
 
-    fn apply(&self, view: &mut PredictedPixel<'_>, stratum: PixelStratum, stages: &[SignalStage]) {
+    fn apply(
+        &self,
+        view: &mut PredictedPixel<'_>,
+        stratum: PixelStratum,
+        stages: &[CandidateStage],
+    ) {
         for stage in stages {
             for (index, effect) in self.effects.iter().enumerate() {
                 let place = (view.pixel.x, view.pixel.y);

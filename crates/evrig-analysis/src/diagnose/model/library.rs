@@ -38,7 +38,7 @@ use evrig_core::effect_id::EffectId;
 
 /// Where in the signal chain an effect acts; earlier stages first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SignalStage {
+pub enum CandidateStage {
     /// The light in front of the pixel.
     Light,
     /// The photoreceptor.
@@ -51,7 +51,7 @@ pub enum SignalStage {
     Clock,
 }
 
-impl SignalStage {
+impl CandidateStage {
     pub(crate) const ALL: [Self; 5] =
         [Self::Light, Self::Receptor, Self::Drift, Self::Law, Self::Clock];
 
@@ -61,7 +61,7 @@ impl SignalStage {
 
 /// A parameter of an effect.
 #[derive(Debug, Clone, Copy)]
-pub struct EffectParameter {
+pub struct CandidateParameter {
     /// Key with unit.
     pub key: &'static str,
     /// Lower and upper bound.
@@ -76,7 +76,7 @@ pub struct EffectParameter {
     pub step: f64,
 }
 
-impl EffectParameter {
+impl CandidateParameter {
     const fn log(key: &'static str, range: [f64; 2]) -> Self {
         Self { key, range, is_log: true, is_fixed: false, is_hidden: false, step: 0.02 }
     }
@@ -140,9 +140,9 @@ pub struct CandidateEffect {
     /// Source of the equation.
     pub source: &'static str,
     /// Where it acts.
-    pub stage: SignalStage,
+    pub stage: CandidateStage,
     /// Its own parameters; none for an effect that frees nuisances.
-    pub parameters: &'static [EffectParameter],
+    pub parameters: &'static [CandidateParameter],
     /// Nuisances that it takes beyond their prior range.
     pub freed: &'static [FreedNuisance],
     /// Starting values of its parameters or freed nuisances, in fitted coordinates.
@@ -203,7 +203,7 @@ const PLAIN: CandidateEffect = CandidateEffect {
     id: EffectId::RefractoryPeriod,
     equation: "",
     source: "",
-    stage: SignalStage::Law,
+    stage: CandidateStage::Law,
     parameters: &[],
     freed: &[],
     starting_points: |_| Vec::new(),

@@ -28,7 +28,7 @@ const MIN_DROP_STANDARD_ERRORS: f64 = 5.0;
 
 /// An edge in the density of the lag to the neighbours' last event.
 #[derive(Debug, Clone, Copy)]
-struct RateStep {
+struct DeficitStep {
     /// Upper end of the edge, microseconds.
     us: f64,
     /// Events before the edge, expected behind it, and observed behind it.
@@ -53,7 +53,7 @@ pub(super) fn missing(evidence: &Evidence) -> Option<IsolatedEventDeficit> {
 }
 
 /// The edge, if significant, with the number of events used.
-fn found(around: &EventContext, shortest_us: f64) -> Option<(RateStep, usize)> {
+fn found(around: &EventContext, shortest_us: f64) -> Option<(DeficitStep, usize)> {
     let (since, until) = gaps(around);
     let step = step(&counts(&since, shortest_us), &counts(&until, shortest_us), shortest_us)?;
     Some((step, since.len()))
@@ -87,7 +87,7 @@ fn counts(gaps: &[i64], shortest_us: f64) -> Vec<f64> {
 }
 
 /// The most significant downward edge. The bin between its sides is skipped: the edge lies within.
-fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
+fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<DeficitStep> {
     let side = |counts: &[f64], first: usize| -> f64 {
         0.5 + counts[first..first + N_SIDE_BINS].iter().sum::<f64>()
     };
@@ -104,7 +104,7 @@ fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
         let all = [before_that, earlier, before, behind, later, mirrored[0], mirrored[1]];
         let us = shortest_us * (BIN_LOG_WIDTH * (at as f64 + 0.5)).exp();
         let error = all.iter().map(|n| 1.0 / n).sum::<f64>().sqrt();
-        RateStep { us, before, expected: before * (-fall).exp(), behind, error }
+        DeficitStep { us, before, expected: before * (-fall).exp(), behind, error }
     });
     let sure = steps.filter(|step| {
         step.size() > MIN_LOG_DROP && step.size() > MIN_DROP_STANDARD_ERRORS * step.error
@@ -112,7 +112,7 @@ fn step(since: &[f64], until: &[f64], shortest_us: f64) -> Option<RateStep> {
     sure.max_by(|a, b| (a.size() / a.error).total_cmp(&(b.size() / b.error)))
 }
 
-impl RateStep {
+impl DeficitStep {
     /// Log ratio of expected to observed.
     fn size(&self) -> f64 {
         (self.expected / self.behind).ln()
@@ -190,7 +190,7 @@ mod tests {
 
     const SIZE: Size = Size::new(SIDE_PX, SIDE_PX);
 
-    fn step_in(events: &Events, shortest_us: f64) -> Option<RateStep> {
+    fn step_in(events: &Events, shortest_us: f64) -> Option<DeficitStep> {
         let recording = EventsByPixel::new(events.as_slice(), SIZE, [0, LENGTH_US]);
         found(&EventContext::new(recording, &[]), shortest_us).map(|(step, _)| step)
     }
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_deficit_has_a_stratum_and_a_term() {
-        let step = RateStep {
+        let step = DeficitStep {
             us: 10_000.0,
             before: 1_200.0,
             expected: 1_000.0,

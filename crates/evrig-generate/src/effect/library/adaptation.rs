@@ -6,7 +6,7 @@
 
 use crate::effect::low_pass::low_pass;
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// A share of the signal is high-passed.
@@ -19,7 +19,7 @@ effect! {
 }
 
 impl EffectModel for Adaptation {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let mut forgotten = signal.values.to_vec();
         let tau = self.time_constant_s / signal.step_s();
         low_pass(&mut forgotten, |_| tau);

@@ -5,7 +5,7 @@
 //! in the dark, equal for both sides.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// True pedestal less the stated one.
@@ -19,7 +19,7 @@ effect! {
 const FLOOR_DN: f64 = 0.5;
 
 impl EffectModel for BlackLevel {
-    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let offset = (self.offset_dn / site.white_dn) as f32;
         let floor = (FLOOR_DN / site.white_dn) as f32;
         signal.values.iter_mut().filter(|x| x.is_finite()).for_each(|x| {

@@ -4,7 +4,7 @@
 //! al. 2008). Signature: contrast is compressed in the dark, by I/(I + d).
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// A constant beside the photocurrent.
@@ -15,7 +15,7 @@ effect! {
 }
 
 impl EffectModel for DarkCurrent {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let dark = self.fraction_of_white as f32;
         signal.values.iter_mut().for_each(|x| *x = (x.exp() + dark).ln());
     }

@@ -5,7 +5,7 @@
 //! structure, the same at every speed.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// A Gaussian blur of the light in front of the pixel.
@@ -19,7 +19,7 @@ effect! {
 const SHARES: [f32; 3] = [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0];
 
 impl EffectModel for Defocus {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let far = 3.0_f64.sqrt() * self.sigma_px;
         let places = [-far, 0.0, far];
         let offsets: [[f64; 2]; 9] = std::array::from_fn(|i| [places[i % 3], places[i / 3]]);

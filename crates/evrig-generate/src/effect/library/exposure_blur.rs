@@ -5,7 +5,7 @@
 //! beyond the stated one took. Signature: real events outnumber simulated ones the faster it goes.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// What an exposure beyond the stated one took is put back.
@@ -16,7 +16,7 @@ effect! {
 }
 
 impl EffectModel for ExposureBlur {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let steps = self.exposure_us * 1e-6 / signal.step_s();
         let apart = (0.5 * steps).round().max(1.0);
         add_curvature(signal.values, apart as usize, -steps * steps / 24.0 / (apart * apart));

@@ -6,7 +6,7 @@
 
 use crate::effect::low_pass::{low_pass, tau_steps};
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// One pole at a constant cut-off.
@@ -17,7 +17,7 @@ effect! {
 }
 
 impl EffectModel for FixedPole {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let tau = tau_steps(self.cutoff_hz, signal.step_s());
         low_pass(signal.values, |_| tau);
     }

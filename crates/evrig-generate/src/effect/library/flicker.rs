@@ -4,7 +4,7 @@
 //! in the spectrum of events that all pixels share in phase.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 use std::f64::consts::TAU;
 
 effect! {
@@ -24,7 +24,7 @@ effect! {
 }
 
 impl EffectModel for Flicker {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let grid = signal.grid();
         for (i, x) in signal.values.iter_mut().enumerate() {
             let t_s = (grid.at(i) as f64 - self.phase_at_us) * 1e-6;

@@ -5,7 +5,7 @@
 //! phase between frames, stronger the faster the light changes.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite, RecordingContext};
+use crate::effect::pixel_site::{SiteSignal, PixelSite, RecordingContext};
 
 effect! {
     /// A share of the way from straight lines to cubics between frames.
@@ -20,7 +20,7 @@ impl EffectModel for FrameInterpolation {
         (context.frame_times_us.len() < 4).then_some("the times of at least four frames")
     }
 
-    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let grid = signal.grid();
         let knots: Vec<f64> =
             site.context.frame_times_us.iter().map(|&t| grid.position(t as f64)).collect();

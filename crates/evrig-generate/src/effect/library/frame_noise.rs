@@ -6,7 +6,7 @@
 //! part. Signature: simulated events of still pixels at the frames' rhythm that the camera lacks.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite, RecordingContext};
+use crate::effect::pixel_site::{SiteSignal, PixelSite, RecordingContext};
 
 effect! {
     /// Noise of that size is smoothed out of the frames.
@@ -21,7 +21,7 @@ impl EffectModel for FrameNoise {
         (context.frame_times_us.len() < 3).then_some("the times of at least three frames")
     }
 
-    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let times = &site.context.frame_times_us;
         let span = times.last().zip(times.first()).map_or(0, |(last, first)| last - first);
         let interval_us = span as f64 / (times.len() - 1).max(1) as f64;

@@ -5,7 +5,7 @@
 //! OFF events, then ON events, in a band that does not move with the image.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// A band of shadow of Gaussian shape.
@@ -33,7 +33,7 @@ const fn speed_px_per_s() -> f64 {
 }
 
 impl EffectModel for MovingShadow {
-    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let way_px = f64::from(site.size.width) + 6.0 * self.width_px;
         let (grid, x_px) = (signal.grid(), f64::from(site.x) + 0.5 + 3.0 * self.width_px);
         for (i, x) in signal.values.iter_mut().enumerate() {

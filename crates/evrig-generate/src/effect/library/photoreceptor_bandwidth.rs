@@ -6,7 +6,7 @@
 
 use crate::effect::low_pass::{low_pass, tau_steps};
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// Poles whose cut-off is proportional to light.
@@ -22,7 +22,7 @@ effect! {
 const MIN_LOG_INTENSITY: f32 = -9.0;
 
 impl EffectModel for PhotoreceptorBandwidth {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let tau_at_white = tau_steps(self.cutoff_hz_at_white, signal.step_s());
         for _ in 0..self.order.round() as usize {
             // The pole follows the light itself, of which the filtered signal is a fair account.

@@ -4,7 +4,7 @@
 //! a gain on all contrast of the frames that a brightness step reveals.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// The frames are a power of the light.
@@ -15,7 +15,7 @@ effect! {
 }
 
 impl EffectModel for ToneCurve {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let gamma = self.gamma as f32;
         signal.values.iter_mut().for_each(|x| *x /= gamma);
     }

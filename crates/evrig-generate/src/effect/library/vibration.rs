@@ -7,7 +7,7 @@
 //! where it is flat.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 use std::f64::consts::TAU;
 
 effect! {
@@ -37,7 +37,7 @@ const fn px_per_mm() -> f64 {
 }
 
 impl EffectModel for Vibration {
-    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, _site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let swing = self.amplitude_mm * self.px_per_mm;
         if swing == 0.0 {
             return;

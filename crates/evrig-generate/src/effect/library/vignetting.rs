@@ -5,7 +5,7 @@
 //! effects grow with the distance from the middle.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{PixelSignal, PixelSite};
+use crate::effect::pixel_site::{SiteSignal, PixelSite};
 
 effect! {
     /// Loss of light that grows with the square of the distance from the middle.
@@ -16,7 +16,7 @@ effect! {
 }
 
 impl EffectModel for Vignetting {
-    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut PixelSignal<'_>) {
+    fn apply_to_signal(&self, site: &PixelSite<'_>, signal: &mut SiteSignal<'_>) {
         let [x, y] = site.from_middle();
         let half = [site.size.width, site.size.height].map(|n| 0.5 * f64::from(n));
         let share = (x * x + y * y) / (half[0] * half[0] + half[1] * half[1]);

@@ -25,7 +25,7 @@ pub(super) struct ComparatorState {
 
 /// A straight piece of the signal, leaks included.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SignalSegment {
+pub(super) struct ComparatorSegment {
     pub(super) from_s: f64,
     pub(super) to_s: f64,
     pub(super) from: f64,
@@ -35,7 +35,7 @@ pub(super) struct SignalSegment {
 /// More events than any pixel fires within a piece of a signal.
 const MAX_EVENTS: usize = 10_000;
 
-impl SignalSegment {
+impl ComparatorSegment {
     fn at(&self, time: f64) -> f64 {
         let length = self.to_s - self.from_s;
         if length <= 0.0 {
@@ -51,7 +51,7 @@ impl Comparator {
     pub(super) fn run(
         &self,
         held: &mut ComparatorState,
-        piece: SignalSegment,
+        piece: ComparatorSegment,
         forced: &[(f64, bool)],
         mut fire: impl FnMut(f64, bool),
     ) {
@@ -119,7 +119,7 @@ impl Comparator {
     fn next_crossing(
         &self,
         held: &ComparatorState,
-        piece: &SignalSegment,
+        piece: &ComparatorSegment,
         now: f64,
     ) -> Option<(f64, bool)> {
         // Tired thresholds recover slowly against a piece's length: taken at its middle.
@@ -155,7 +155,7 @@ mod tests {
 
     fn run(
         comparator: Comparator,
-        piece: SignalSegment,
+        piece: ComparatorSegment,
         forced: &[(f64, bool)],
     ) -> Vec<(f64, bool)> {
         let mut events = Vec::new();
@@ -166,20 +166,20 @@ mod tests {
 
     #[test]
     fn a_ramp_fires_at_every_threshold() {
-        let piece = SignalSegment { from_s: 1.0, to_s: 2.0, from: 0.0, to: 1.01 };
+        let piece = ComparatorSegment { from_s: 1.0, to_s: 2.0, from: 0.0, to: 1.01 };
         let events = run(PLAIN, piece, &[]);
         assert_eq!(events.len(), 5);
         for (i, (time, on)) in events.iter().enumerate() {
             assert!(*on && (time - (1.0 + 0.2 * (i + 1) as f64 / 1.01)).abs() < 1e-12);
         }
-        let falling = run(PLAIN, SignalSegment { to: -1.01, ..piece }, &[]);
+        let falling = run(PLAIN, ComparatorSegment { to: -1.01, ..piece }, &[]);
         assert!(falling.len() == 4 && falling.iter().all(|(_, on)| !on));
     }
 
     #[test]
     fn a_blind_pixel_loses_what_passes_and_starts_from_where_it_wakes() {
         let comparator = Comparator { refractory: 0.1, ..PLAIN };
-        let piece = SignalSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 1.0 };
+        let piece = ComparatorSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 1.0 };
         let times: Vec<f64> = run(comparator, piece, &[]).iter().map(|(t, _)| *t).collect();
         for (got, expected) in times.iter().zip([0.2, 0.5, 0.8]) {
             assert!((got - expected).abs() < 1e-12, "{times:?}");
@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn an_event_that_comes_by_itself_resets_the_pixel() {
-        let piece = SignalSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 0.3 };
+        let piece = ComparatorSegment { from_s: 0.0, to_s: 1.0, from: 0.0, to: 0.3 };
         let events = run(PLAIN, piece, &[(0.5, false)]);
         assert_eq!(events.len(), 1, "half of the ramp was lost: {events:?}");
         assert_eq!(events[0], (0.5, false));
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn a_tired_pixel_fires_less() {
         let comparator = Comparator { fatigue: Some((0.5, 1.0)), ..PLAIN };
-        let piece = SignalSegment { from_s: 0.0, to_s: 0.1, from: 0.0, to: 2.01 };
+        let piece = ComparatorSegment { from_s: 0.0, to_s: 0.1, from: 0.0, to: 2.01 };
         assert!(run(comparator, piece, &[]).len() < run(PLAIN, piece, &[]).len());
     }
 }

@@ -1,7 +1,7 @@
 //! One event pixel through a slab of time.
 
 use super::circuit::{Circuit, CircuitState, StepConstants};
-use super::comparator::{Comparator, ComparatorState, SignalSegment};
+use super::comparator::{Comparator, ComparatorSegment, ComparatorState};
 use super::pixel_input::{PixelInput, input_bounds, pixel_input};
 use super::slab::Slab;
 use super::slab_scene::{PixelBuffers, SlabScene};
@@ -229,7 +229,7 @@ impl<F: FnMut(f64, bool)> PixelRun<'_, F> {
             self.state.leaked += rate * (since[1] - since[0]);
         }
         let times = since.map(|since| self.begin + since);
-        let piece = SignalSegment {
+        let piece = ComparatorSegment {
             from_s: times[0],
             to_s: times[1],
             from: output[0] + leaked,

@@ -31,7 +31,7 @@ pub struct FixedPole {
 /// reference only then (Joubert 2021; bias RefrBp, 10 us..20 ms).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RefractoryPeriod {
+pub struct WorldRefractoryPeriod {
     /// How long.
     pub refractory_us: f64,
 }

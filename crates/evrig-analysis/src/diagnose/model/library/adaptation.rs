@@ -1,15 +1,15 @@
 //! Slow adaptation.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_span};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Adaptation,
     equation: "y = x - a z, T z' = x - z",
     source: "Delbruck and Mead, Adaptive photoreceptor with wide dynamic range, ISCAS 1994",
-    stage: SignalStage::Receptor,
+    stage: CandidateStage::Receptor,
     parameters: &[
-        EffectParameter::log("time_constant_s", [0.05, 20.0]),
-        EffectParameter::linear("fraction", [0.0, 0.98], 0.02),
+        CandidateParameter::log("time_constant_s", [0.05, 20.0]),
+        CandidateParameter::linear("fraction", [0.0, 0.98], 0.02),
     ],
     starting_points: |_| {
         vec![vec![0.3_f64.ln(), 0.2], vec![1.5_f64.ln(), 0.3], vec![0.3_f64.ln(), 0.6]]

@@ -1,6 +1,6 @@
 //! A pedestal of the frames that differs from the stated one.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN};
 
 /// Least share of the light that is left. The light's own error dominates below.
 const MIN_LIGHT_SHARE: f32 = 0.05;
@@ -9,10 +9,10 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::BlackLevel,
     equation: "x = ln(L - b)",
     source: "Sony IMX708 and libcamera: SensorBlackLevels",
-    stage: SignalStage::Light,
+    stage: CandidateStage::Light,
     // In digital units, as a manifest states it. A pedestal below the stated one has the law of a
     // dark current.
-    parameters: &[EffectParameter::linear("offset_dn", [0.0, 200.0], 0.3)],
+    parameters: &[CandidateParameter::linear("offset_dn", [0.0, 200.0], 0.3)],
     starting_points: |evidence| {
         let white = evidence.facts.white_dn;
         vec![vec![0.01 * white], vec![0.04 * white]]

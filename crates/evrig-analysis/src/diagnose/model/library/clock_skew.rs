@@ -1,6 +1,6 @@
 //! The event camera's clock runs fast.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_span};
 
 /// Starting skews without a clock tie: spacing and number to either side. A start that is
 /// milliseconds off at an end of the recording lies in another local maximum.
@@ -11,9 +11,9 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ClockSkew,
     equation: "t_DAVIS = (1 + e) t",
     source: "Olson, IROS 2010",
-    stage: SignalStage::Clock,
+    stage: CandidateStage::Clock,
     // 24 frames per second stamped as 25 are 42 000 ppm fast.
-    parameters: &[EffectParameter::linear("skew_ppm", [-50_000.0, 50_000.0], 20.0)],
+    parameters: &[CandidateParameter::linear("skew_ppm", [-50_000.0, 50_000.0], 20.0)],
     starting_points: |evidence| {
         let tied = evidence.facts.clock_tie.map(|tied| tied.skew_ppm[0]);
         let n_far = if tied.is_some() { 0 } else { N_STARTS_PER_SIDE };

@@ -1,13 +1,13 @@
 //! Dark current of the event pixels.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, logs};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, logs};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::DarkCurrent,
     equation: "x = ln(L / L_white + d)",
     source: "Nozaki and Delbruck, IEEE Trans. Electron Devices 64, 2017",
-    stage: SignalStage::Light,
-    parameters: &[EffectParameter::log("fraction_of_white", [1e-4, 1.0])],
+    stage: CandidateStage::Light,
+    parameters: &[CandidateParameter::log("fraction_of_white", [1e-4, 1.0])],
     starting_points: |_| logs(&[0.005, 0.03, 0.15]),
     apply: |values, _, view| {
         let dark = values[0] as f32;

@@ -1,6 +1,6 @@
 //! Pixels that never fire.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PixelMixture};
+use super::{CandidateEffect, CandidateParameter, EffectId, PLAIN, PixelMixture};
 
 /// Threshold in log intensity that no signal reaches.
 const UNREACHABLE_THRESHOLD: f64 = 200.0;
@@ -10,7 +10,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "a share of the pixels has no events",
     source: "Joubert et al., Front. Neurosci. 15, 2021",
     // The likelihood depends on the share; the count on the sensor is derived.
-    parameters: &[EffectParameter::log("fraction", [1e-4, 0.5]).hidden()],
+    parameters: &[CandidateParameter::log("fraction", [1e-4, 0.5]).hidden()],
     starting_points: |_| vec![vec![0.02_f64.ln()]],
     mixture: Some(|hypothesis, index| PixelMixture::two_strata(hypothesis.parameters_of(index)[0])),
     apply: |_, stratum, view| {

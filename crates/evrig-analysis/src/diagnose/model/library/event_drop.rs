@@ -1,6 +1,6 @@
 //! Events lost on the way.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN};
+use super::{CandidateEffect, CandidateParameter, EffectId, PLAIN};
 
 /// Smaller losses are confused with noise that does not change the reference level.
 const MIN_FRACTION: f64 = 0.03;
@@ -9,7 +9,7 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::EventDrop,
     equation: "each event is lost with chance q after the pixel was reset",
     source: "inivation: DropDVSOnTransferStall",
-    parameters: &[EffectParameter::linear("fraction", [MIN_FRACTION, 0.9], 0.005)],
+    parameters: &[CandidateParameter::linear("fraction", [MIN_FRACTION, 0.9], 0.005)],
     starting_points: |_| vec![vec![0.05], vec![0.12], vec![0.35]],
     apply: |values, _, view| view.law.drop_fraction = values[0],
     competing: &[EffectId::RefractoryPeriod, EffectId::ReadoutSaturation],

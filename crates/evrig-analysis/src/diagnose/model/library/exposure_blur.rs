@@ -1,15 +1,15 @@
 //! Frames with a longer exposure than stated.
 
 use super::{
-    CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, logs, needs_surroundings,
+    CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, logs, needs_surroundings,
 };
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::ExposureBlur,
     equation: "L_frame = (1 / T) int L dt",
     source: "Rebecq, Gehrig and Scaramuzza, ESIM, CoRL 2018",
-    stage: SignalStage::Light,
-    parameters: &[EffectParameter::log("exposure_us", [1_000.0, 60_000.0])],
+    stage: CandidateStage::Light,
+    parameters: &[CandidateParameter::log("exposure_us", [1_000.0, 60_000.0])],
     starting_points: |_| logs(&[5_000.0, 15_000.0]),
     apply: |values, _, view| {
         // To second order a mean over T adds T^2 / 24 of the curvature, which is subtracted.

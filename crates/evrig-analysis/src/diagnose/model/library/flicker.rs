@@ -1,6 +1,6 @@
 //! Periodic light.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_span};
 use crate::diagnose::evidence::spectral_lines;
 use std::f64::consts::TAU;
 
@@ -11,11 +11,11 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Flicker,
     equation: "L (1 + m sin(2 pi f t + p))",
     source: "IEEE Std 1789-2015",
-    stage: SignalStage::Light,
+    stage: CandidateStage::Light,
     parameters: &[
-        EffectParameter::linear("frequency_hz", [1.0, 500.0], 0.005),
-        EffectParameter::log("depth", [1e-3, 0.95]),
-        EffectParameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
+        CandidateParameter::linear("frequency_hz", [1.0, 500.0], 0.005),
+        CandidateParameter::log("depth", [1e-3, 0.95]),
+        CandidateParameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
     ],
     starting_points: |evidence| {
         spectral_lines::lines(evidence, 4)

@@ -1,7 +1,7 @@
 //! A signal between frames that is not linear.
 
 use super::{
-    CandidateEffect, EffectId, EffectParameter, Evidence, PLAIN, PredictedPixel, SignalStage,
+    CandidateEffect, CandidateParameter, CandidateStage, EffectId, Evidence, PLAIN, PredictedPixel,
 };
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
@@ -9,8 +9,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "x = x_linear + s (x_cubic - x_linear) between frames",
     source: "Catmull and Rom, 1974; Hu, Liu and Delbruck, v2e, CVPRW 2021 \
              (why frames are interpolated)",
-    stage: SignalStage::Light,
-    parameters: &[EffectParameter::linear("share", [-0.5, 2.5], 0.02)],
+    stage: CandidateStage::Light,
+    parameters: &[CandidateParameter::linear("share", [-0.5, 2.5], 0.02)],
     starting_points: |_| vec![vec![0.5], vec![1.0]],
     apply: |values, _, view| bend(values[0], view),
     competing: &[EffectId::ExposureBlur, EffectId::ShotNoise, EffectId::FrameNoise],

@@ -1,14 +1,14 @@
 //! Pixels with a high background rate.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PixelMixture};
+use super::{CandidateEffect, CandidateParameter, EffectId, PLAIN, PixelMixture};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::HotPixels,
     equation: "a share h of the pixels fires at rate b",
     source: "Joubert et al., Front. Neurosci. 15, 2021",
     parameters: &[
-        EffectParameter::log("fraction", [1e-4, 0.3]),
-        EffectParameter::log("rate_hz", [1.0, 3_000.0]).hidden(),
+        CandidateParameter::log("fraction", [1e-4, 0.3]),
+        CandidateParameter::log("rate_hz", [1.0, 3_000.0]).hidden(),
     ],
     starting_points: |_| {
         [10.0_f64, 60.0, 300.0].iter().map(|hz| vec![0.02_f64.ln(), hz.ln()]).collect()

@@ -1,18 +1,20 @@
 //! A pose of the event camera that differs from the stated one.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_surroundings};
+use super::{
+    CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_surroundings,
+};
 use crate::diagnose::model::image_pose::ImagePose;
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Misregistration,
     equation: "u_real = s R(a) u + (dx, dy)",
     source: "Hartley and Zisserman, Multiple View Geometry, 2004, section 2.4",
-    stage: SignalStage::Light,
+    stage: CandidateStage::Light,
     parameters: &[
-        EffectParameter::linear("shift_x_px", [-3.0, 3.0], 0.01),
-        EffectParameter::linear("shift_y_px", [-3.0, 3.0], 0.01),
-        EffectParameter::linear("rotation_deg", [-3.0, 3.0], 0.01),
-        EffectParameter::linear("scale", [0.95, 1.05], 1e-4),
+        CandidateParameter::linear("shift_x_px", [-3.0, 3.0], 0.01),
+        CandidateParameter::linear("shift_y_px", [-3.0, 3.0], 0.01),
+        CandidateParameter::linear("rotation_deg", [-3.0, 3.0], 0.01),
+        CandidateParameter::linear("scale", [0.95, 1.05], 1e-4),
     ],
     starting_points: |_| {
         let shifts = [[0.3, 0.3], [-0.3, 0.3], [0.3, -0.3], [-0.3, -0.3]];

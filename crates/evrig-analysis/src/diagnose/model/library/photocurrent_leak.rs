@@ -1,13 +1,13 @@
 //! Leak proportional to light.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_span};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::PhotocurrentLeak,
     equation: "dV = r theta L / L_white dt",
     source: "Nozaki and Delbruck, IEEE Trans. Electron Devices 64, 2017",
-    stage: SignalStage::Drift,
-    parameters: &[EffectParameter::linear("rate_hz_at_white", [-2.0, 60.0], 0.05)],
+    stage: CandidateStage::Drift,
+    parameters: &[CandidateParameter::linear("rate_hz_at_white", [-2.0, 60.0], 0.05)],
     starting_points: |_| vec![vec![0.3], vec![1.0], vec![4.0]],
     apply: |values, _, view| {
         let step = values[0] * view.law.theta_on * view.step_s();

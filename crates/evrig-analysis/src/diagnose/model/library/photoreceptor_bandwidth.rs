@@ -1,6 +1,6 @@
 //! Photoreceptor bandwidth proportional to intensity.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, PredictedPixel, SignalStage};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, PredictedPixel};
 use std::f64::consts::TAU;
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
@@ -8,12 +8,12 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "tau(L) y' = x - y, 1 / (2 pi tau) = f_white L / L_white (order times)",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; \
              Graca and Delbruck, arXiv 2109.08640",
-    stage: SignalStage::Receptor,
+    stage: CandidateStage::Receptor,
     parameters: &[
-        EffectParameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),
-        EffectParameter::fixed("order", [1.0, 2.0]),
+        CandidateParameter::log("cutoff_hz_at_white", [0.5, 3_000.0]),
+        CandidateParameter::fixed("order", [1.0, 2.0]),
         // Dark current keeps the cutoff above zero.
-        EffectParameter::log("floor", [1e-3, 0.3]).hidden(),
+        CandidateParameter::log("floor", [1e-3, 0.3]).hidden(),
     ],
     starting_points: |_| {
         let start = |&(hz, order): &(f64, f64)| vec![f64::ln(hz), order, 0.02_f64.ln()];

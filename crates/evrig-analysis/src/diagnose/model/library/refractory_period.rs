@@ -1,6 +1,6 @@
 //! Refractory period in the pixel, or a filter behind it.
 
-use super::{CandidateEffect, EffectId, EffectParameter, Evidence, PLAIN};
+use super::{CandidateEffect, CandidateParameter, EffectId, Evidence, PLAIN};
 use crate::diagnose::PixelEvidence;
 use crate::diagnose::evidence::refractory_peaks::refractory_peaks_us;
 use evrig_core::stats::quantile_sorted;
@@ -50,9 +50,9 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008; \
              Joubert et al., Front. Neurosci. 15, 2021",
     parameters: &[
-        EffectParameter::log("refractory_us", [20.0, 200_000.0]),
+        CandidateParameter::log("refractory_us", [20.0, 200_000.0]),
         // Whether the pixel goes on comparing meanwhile, as in front of a filter.
-        EffectParameter::fixed("compares_on", [0.0, 1.0]).hidden(),
+        CandidateParameter::fixed("compares_on", [0.0, 1.0]).hidden(),
     ],
     starting_points: |evidence| {
         let in_pixel = [300.0_f64, 1_000.0, 3_000.0, 8_000.0, 25_000.0].map(|us| [us, 0.0]);

@@ -1,13 +1,13 @@
 //! A row time of the frames that differs from the stated one.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::RollingShutter,
     equation: "t_row = t_frame + y t_row",
     source: "Linux driver imx708.c: line length over pixel rate",
-    stage: SignalStage::Clock,
-    parameters: &[EffectParameter::linear("row_us", [-200.0, 200.0], 0.5)],
+    stage: CandidateStage::Clock,
+    parameters: &[CandidateParameter::linear("row_us", [-200.0, 200.0], 0.5)],
     starting_points: |_| vec![vec![3.0], vec![-3.0], vec![15.0], vec![-15.0]],
     apply: |values, _, view| {
         view.start_us += values[0] * (f64::from(view.pixel.y) + 0.5 - view.evidence.middle[1]);

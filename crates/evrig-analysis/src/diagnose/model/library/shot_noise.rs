@@ -1,6 +1,6 @@
 //! Band-limited noise of the photoreceptor.
 
-use super::{CandidateEffect, EffectId, EffectParameter, Nuisance, PLAIN};
+use super::{CandidateEffect, CandidateParameter, EffectId, Nuisance, PLAIN};
 use crate::predict::SHOT_NOISE_RMS_SPEED;
 use std::f64::consts::TAU;
 
@@ -10,8 +10,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     source: "Rice, Bell Syst. Tech. J. 24, 1945; \
              Graca, Paredes-Valles and Delbruck, arXiv 2304.04019",
     parameters: &[
-        EffectParameter::log("rms_thresholds", [0.02, 1.5]),
-        EffectParameter::log("bandwidth_hz", [1.0, 5_000.0]),
+        CandidateParameter::log("rms_thresholds", [0.02, 1.5]),
+        CandidateParameter::log("bandwidth_hz", [1.0, 5_000.0]),
     ],
     starting_points: |_| {
         // The event rate is steep in both parameters: gradient steps are slow, so starts are

@@ -1,13 +1,13 @@
 //! A leak that grows as the chip warms up.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_span};
+use super::{CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_span};
 
 pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::TemperatureDrift,
     equation: "dV = r t theta dt",
     source: "Nozaki and Delbruck, IEEE Trans. Electron Devices 64, 2017",
-    stage: SignalStage::Drift,
-    parameters: &[EffectParameter::linear("rate_hz_per_s", [-5.0, 20.0], 0.02)],
+    stage: CandidateStage::Drift,
+    parameters: &[CandidateParameter::linear("rate_hz_per_s", [-5.0, 20.0], 0.02)],
     starting_points: |_| vec![vec![0.1], vec![0.5], vec![2.0]],
     apply: |values, _, view| {
         let half = 0.5 * values[0] * view.law.theta_on;

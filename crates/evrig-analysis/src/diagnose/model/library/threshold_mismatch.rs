@@ -1,6 +1,6 @@
 //! Thresholds that differ between pixels.
 
-use super::{CandidateEffect, EffectId, EffectParameter, Hypothesis, PLAIN, PixelMixture};
+use super::{CandidateEffect, CandidateParameter, EffectId, Hypothesis, PLAIN, PixelMixture};
 use crate::diagnose::Nuisance;
 use crate::diagnose::model::pixel_mixture::GridSpacing;
 use crate::diagnose::model::score_grid::HeldGrid;
@@ -52,8 +52,8 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     equation: "theta_p = theta exp(s e_p), e_p normal, fixed for each pixel; ON and OFF correlate",
     source: "Lichtsteiner, Posch and Delbruck, IEEE JSSC 43, 2008 (2.1 % contrast)",
     parameters: &[
-        EffectParameter::log("sigma_relative", [0.005, 1.0]),
-        EffectParameter::linear("on_off_correlation", [-MAX_CORRELATION, MAX_CORRELATION], 0.02)
+        CandidateParameter::log("sigma_relative", [0.005, 1.0]),
+        CandidateParameter::linear("on_off_correlation", [-MAX_CORRELATION, MAX_CORRELATION], 0.02)
             .hidden(),
     ],
     starting_points: |_| vec![vec![0.05_f64.ln(), 0.3], vec![0.15_f64.ln(), 0.3]],

@@ -1,6 +1,8 @@
 //! Vibration of the arm.
 
-use super::{CandidateEffect, EffectId, EffectParameter, PLAIN, SignalStage, needs_surroundings};
+use super::{
+    CandidateEffect, CandidateParameter, CandidateStage, EffectId, PLAIN, needs_surroundings,
+};
 use crate::diagnose::evidence::spectral_lines;
 use std::f64::consts::TAU;
 
@@ -8,12 +10,12 @@ pub(super) const CANDIDATE: CandidateEffect = CandidateEffect {
     id: EffectId::Vibration,
     equation: "u = u_path + (a, b) sin(2 pi f t + p)",
     source: "Dobot Magician: stepper motors with belts",
-    stage: SignalStage::Light,
+    stage: CandidateStage::Light,
     parameters: &[
-        EffectParameter::linear("frequency_hz", [1.0, 500.0], 0.005),
-        EffectParameter::linear("amplitude_x_px", [-2.0, 2.0], 0.01).hidden(),
-        EffectParameter::linear("amplitude_y_px", [-2.0, 2.0], 0.01).hidden(),
-        EffectParameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
+        CandidateParameter::linear("frequency_hz", [1.0, 500.0], 0.005),
+        CandidateParameter::linear("amplitude_x_px", [-2.0, 2.0], 0.01).hidden(),
+        CandidateParameter::linear("amplitude_y_px", [-2.0, 2.0], 0.01).hidden(),
+        CandidateParameter::linear("phase", [-20.0, 20.0], 0.05).hidden(),
     ],
     starting_points: |evidence| {
         spectral_lines::lines(evidence, 1)
