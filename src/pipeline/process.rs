@@ -88,7 +88,7 @@ impl ProcessRun<'_> {
         });
         match aligned.clocks {
             None => self.skip("sync", "the session has no frames of the Pi's camera"),
-            Some(Ok(synced)) => self.done(StageResult::Sync(synced)),
+            Some(Ok(synced)) => self.done(StageResult::Sync(Box::new(synced))),
             Some(Err(error @ PipelineError::Clock { .. })) => {
                 self.skip("sync", error);
                 self.n_lost += 1;
@@ -101,7 +101,7 @@ impl ProcessRun<'_> {
         });
         for (request, tracked) in tracks {
             match tracked {
-                Ok(tracked) => self.done(StageResult::Track(request, tracked)),
+                Ok(tracked) => self.done(StageResult::Track(request, Box::new(tracked))),
                 Err(error @ PipelineError::Track { .. }) => {
                     self.skip("track", error);
                     self.n_lost += 1;

@@ -44,9 +44,9 @@ pub struct SkippedStage {
 #[derive(Debug)]
 pub enum StageResult {
     /// The clocks.
-    Sync(Synced),
+    Sync(Box<Synced>),
     /// The track of the tag in one stream.
-    Track(TrackRequest, Tracked),
+    Track(TrackRequest, Box<Tracked>),
     /// The scene.
     Scene(SceneMade),
     /// The generator's constants.
