@@ -271,3 +271,32 @@ fn files_are_small_and_well_named() {
         assert!(!VAGUE.contains(&&*stem), "{path}: the name does not describe the contents");
     }
 }
+
+/// Names after `struct`, `enum`, `trait`, `union` or an outer `type` on a line of code.
+fn defined_type(line: &str) -> Option<String> {
+    let is_outer = !line.starts_with(' ');
+    let mut words = line.split_whitespace().skip_while(|word| word.starts_with("pub"));
+    let keyword = words.next()?;
+    let defines =
+        ["struct", "enum", "trait", "union"].contains(&keyword) || (keyword == "type" && is_outer);
+    let name: String =
+        words.next()?.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+    (defines && name.starts_with(char::is_uppercase)).then_some(name)
+}
+
+#[test]
+fn every_type_name_is_defined_once_in_the_workspace() {
+    let mut places: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for source in sources().iter().filter(|source| !is_test(&source.path)) {
+        for name in source.code.iter().filter_map(|line| defined_type(line)) {
+            places.entry(name).or_default().push(source.path.clone());
+        }
+    }
+    let repeated: Vec<_> = places.iter().filter(|(_, places)| places.len() > 1).collect();
+    assert!(repeated.is_empty(), "type names defined more than once: {repeated:#?}");
+    assert!(places.len() > 500, "the definitions are where this test looks for them");
+}
+
+fn is_test(path: &Path) -> bool {
+    path.iter().any(|part| part == "tests" || part == "tests.rs")
+}

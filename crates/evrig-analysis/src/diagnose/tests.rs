@@ -259,8 +259,8 @@ fn a_refractory_period_is_recovered() {
     assert!(diagnosis.share_removed().is_some_and(|share| share > 0.8));
 }
 
+#[cfg(feature = "long-tests")]
 #[test]
-#[ignore = "takes minutes: .ci/long runs it"]
 fn a_filter_behind_the_pixel_is_distinguished_from_a_refractory_period() {
     let diagnosis = found(EffectId::RefractoryPeriod, &[20_000.0_f64.ln(), 1.0]);
     let us = value(&diagnosis, "refractory_us");
@@ -293,8 +293,8 @@ fn an_effect_in_a_region_is_fitted_in_that_region() {
     }
 }
 
+#[cfg(feature = "long-tests")]
 #[test]
-#[ignore = "takes minutes: .ci/long runs it"]
 fn a_bandwidth_is_recovered() {
     let start = [20.0_f64.ln(), 1.0, 0.02_f64.ln()];
     let diagnosis = found(EffectId::PhotoreceptorBandwidth, &start);
@@ -303,8 +303,8 @@ fn a_bandwidth_is_recovered() {
     assert!((hz / 20.0 - 1.0).abs() < 0.15, "{hz}");
 }
 
+#[cfg(feature = "long-tests")]
 #[test]
-#[ignore = "takes minutes: .ci/long runs it"]
 fn a_clock_offset_is_distinguished_from_a_pole() {
     let diagnosis = found(EffectId::ClockOffset, &[6_000.0]);
     let us = value(&diagnosis, "offset_us");
@@ -315,8 +315,8 @@ fn a_clock_offset_is_distinguished_from_a_pole() {
     assert!((hz / 12.0 - 1.0).abs() < 0.1, "{hz}");
 }
 
+#[cfg(feature = "long-tests")]
 #[test]
-#[ignore = "takes minutes: .ci/long runs it"]
 fn threshold_asymmetry_and_leak_are_distinguished() {
     let ratio = value(&found(EffectId::ThresholdAsymmetry, &[0.3]), "on_off_ratio");
     assert!((ratio / 0.3_f64.exp() - 1.0).abs() < 0.03, "{ratio}");

@@ -5,7 +5,7 @@ use super::chart::{Chart, Stroke};
 use super::svg::{Anchor, Area, Canvas};
 
 const STYLE: &str = include_str!("sheet.css");
-/// Height of the line above a chart that holds its title and legend.
+/// Height of the title line above a chart.
 const TITLE_HEIGHT: f64 = 24.0;
 /// Width of a letter of the legend, as an upper bound for common fonts.
 const LETTER_WIDTH: f64 = 7.5;
@@ -30,7 +30,8 @@ impl Sheet {
         self.canvas.text("title", at, Anchor::Start, text);
     }
 
-    /// Draws a chart on an area, its title and legend (ink, stroke, name) in a line above it.
+    /// Draws a chart on an area with its title above and its legend (ink, stroke, name) beside the label
+    /// of the vertical axis.
     pub fn chart(
         &mut self,
         area: Area,
@@ -38,8 +39,8 @@ impl Sheet {
         legend: &[(Ink, Stroke, &str)],
         chart: &Chart,
     ) {
-        let baseline = area.y + 14.0;
-        self.title([area.x, baseline], title);
+        self.title([area.x, area.y + 14.0], title);
+        let baseline = area.y + TITLE_HEIGHT + 12.0;
         let mut right = area.right() - 18.0;
         for (ink, stroke, name) in legend.iter().rev() {
             self.canvas.text("legend", [right, baseline], Anchor::End, name);

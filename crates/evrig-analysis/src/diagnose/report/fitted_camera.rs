@@ -4,7 +4,7 @@ use crate::diagnose::model::registration::FittedRegistration;
 use crate::diagnose::{Evidence, FittedEffect, Hypothesis, Nuisance, SessionFacts};
 use evrig_core::effect_id::EffectId;
 use evrig_generate::effect::{
-    AppliedEffect, SignalStage, Effect, EffectSet, RecordingContext, Region,
+    AppliedEffect, Effect, EffectSet, RecordingContext, Region, SignalStage,
 };
 use evrig_generate::forward::{BandNoise, CameraConstants, ForwardParameters, ThresholdScatter};
 use evrig_generate::voltmeter::Coefficients;
