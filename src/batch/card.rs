@@ -37,7 +37,7 @@ pub fn card(index: &Index) -> String {
         match index.split_by {
             SplitBy::Recording => "what was recorded",
             SplitBy::Stimulus =>
-                "the picture that was shown, whose recordings are all in one part,",
+                "the displayed image, whose recordings are all in one part,",
         },
         index.split_seed
     );
