@@ -117,13 +117,17 @@ impl ParameterError {
 macro_rules! named {
     ($name:ident, $kind:literal) => {
         impl std::str::FromStr for $name {
-            type Err = $crate::ParameterError;
-            fn from_str(text: &str) -> Result<Self, $crate::ParameterError> {
+            type Err = $crate::parameter_error::ParameterError;
+            fn from_str(text: &str) -> Result<Self, $crate::parameter_error::ParameterError> {
                 Self::ALL
                     .into_iter()
                     .find(|item| item.name().eq_ignore_ascii_case(text))
                     .ok_or_else(|| {
-                        $crate::ParameterError::unknown($kind, text, &Self::ALL.map(Self::name))
+                        $crate::parameter_error::ParameterError::unknown(
+                            $kind,
+                            text,
+                            &Self::ALL.map(Self::name),
+                        )
                     })
             }
         }

@@ -292,6 +292,22 @@ mod tests {
 
     const HOSTILE: &str = "<script>alert(1)</script>\"'&<img src=x onerror=alert(1)>";
 
+    /// A measure whose every text is hostile.
+    fn hostile_measure() -> crate::measure::MeasureRow {
+        let mut hostile_measure = measure(9.0, 0.1, Some([0.5, 2.0]));
+        for text in [
+            &mut hostile_measure.id,
+            &mut hostile_measure.name,
+            &mut hostile_measure.formula,
+            &mut hostile_measure.source,
+            &mut hostile_measure.unit,
+        ] {
+            *text = HOSTILE.into();
+        }
+        hostile_measure.data = Some(FileLink::beside(HOSTILE));
+        hostile_measure
+    }
+
     /// A page whose every text is hostile.
     fn hostile_page() -> Page {
         let line = Layer::Line {
@@ -318,18 +334,7 @@ mod tests {
             panels: vec![panel(chart.draw_wide()), panel(chart.draw_half())],
             data: Some(FileLink::beside(HOSTILE)),
         };
-        let mut hostile_measure = measure(9.0, 0.1, Some([0.5, 2.0]));
-        for text in [
-            &mut hostile_measure.id,
-            &mut hostile_measure.name,
-            &mut hostile_measure.formula,
-            &mut hostile_measure.source,
-            &mut hostile_measure.unit,
-        ] {
-            *text = HOSTILE.into();
-        }
-        hostile_measure.data = Some(FileLink::beside(HOSTILE));
-        let measures = vec![hostile_measure];
+        let measures = vec![hostile_measure()];
         let mut summary = ReportSummary::from_measures(&measures);
         summary.facts = vec![Fact::new(HOSTILE, HOSTILE)];
         let cell = TableCell::text(HOSTILE).with_link(FileLink::beside("javascript:alert(1)"));

@@ -202,6 +202,15 @@ fn interval_figure(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Figur
     }
 }
 
+/// Mean of a path's finite points, px.
+fn mean_centre(path: &ImagePath) -> [f64; 2] {
+    let seen: Vec<&ImagePathPoint> = path.points.iter().filter(|p| p.side_px.is_finite()).collect();
+    let mean = |axis: usize| {
+        seen.iter().map(|p| p.centre_px[axis]).sum::<f64>() / seen.len().max(1) as f64
+    };
+    [mean(0), mean(1)]
+}
+
 /// The tracking section of the page.
 #[must_use]
 pub fn track_section(paths: &[ImagePath], facts: Vec<Fact>) -> Section {
@@ -216,16 +225,8 @@ pub fn track_section(paths: &[ImagePath], facts: Vec<Fact>) -> Section {
             .map(point)
             .collect(),
     };
-    let middle = |path: &ImagePath| -> [f64; 2] {
-        let seen: Vec<&ImagePathPoint> =
-            path.points.iter().filter(|p| p.side_px.is_finite()).collect();
-        let mean = |axis: usize| {
-            seen.iter().map(|p| p.centre_px[axis]).sum::<f64>() / seen.len().max(1) as f64
-        };
-        [mean(0), mean(1)]
-    };
     let along = paths.iter().map(|path| {
-        let [x, y] = middle(path);
+        let [x, y] = mean_centre(path);
         line(path, &move |p| [(p.centre_px[0] - x) / p.side_px, (y - p.centre_px[1]) / p.side_px])
     });
     let turn = paths.iter().map(|path| line(path, &|p| [p.at_s, p.angle_deg]));

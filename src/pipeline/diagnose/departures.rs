@@ -46,7 +46,7 @@ pub(super) fn departures(scene: &Scene, rig: &Rig, evidence: &Evidence) -> Vec<D
     if let Some((tone, found)) =
         bare.registration.tone.and_then(|t| Some((t, luminance::curve(&t)?)))
     {
-        bare.reconstruction = bare.reconstruction.to_power(1.0 / tone.power());
+        bare.reconstruction = bare.reconstruction.with_power(1.0 / tone.power());
         add(&bare, found);
     }
     // These do not change the signal.

@@ -41,7 +41,7 @@ pub fn align_davis(
     let Some(tone) = first.tone.filter(|tone| tone.nonlinear_sigmas().is_some()) else {
         return Ok(first);
     };
-    let mut linear = target.clone().to_power(tone.power());
+    let mut linear = target.clone().with_power(tone.power());
     let again = align_once(&linear, known, frames)?;
     std::mem::swap(target, &mut linear);
     Ok(Registration { tone: Some(tone), ..again })

@@ -57,7 +57,7 @@ pub struct MovingIllumination {
 }
 
 impl MovingIllumination {
-    pub(super) fn to_power(mut self, power: f64) -> Self {
+    pub(super) fn with_power(mut self, power: f64) -> Self {
         self.ln_light.iter_mut().for_each(|ln| *ln *= power);
         let [depth, error] = self.depth;
         self.depth =

@@ -46,7 +46,7 @@ impl Reconstruction {
 
     /// The reconstruction of frames whose light is raised to a power; white is kept.
     #[must_use]
-    pub fn to_power(mut self, power: f64) -> Self {
+    pub fn with_power(mut self, power: f64) -> Self {
         let white = self.white_dn as f32;
         let map = &mut self.map;
         let cells = map.radiance.values.iter_mut().zip(&mut map.errors);
@@ -59,7 +59,7 @@ impl Reconstruction {
         let mut knots = std::mem::take(&mut self.path.knots);
         knots.iter_mut().for_each(|knot| knot.ln_gain *= power);
         self.path = HeadPath::new(self.path.zero, knots, self.path.max_gap);
-        self.moving_illumination = self.moving_illumination.map(|light| light.to_power(power));
+        self.moving_illumination = self.moving_illumination.map(|light| light.with_power(power));
         self
     }
 

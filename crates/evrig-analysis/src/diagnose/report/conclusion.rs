@@ -71,20 +71,18 @@ pub(crate) fn conclude(
     let (left_before, left_after) = (reached.before, reached.after);
     let (missing, term) =
         reached.isolated_events.map(|IsolatedEventDeficit { place, term }| (place, term)).unzip();
-    let are_missing = missing.is_some();
     // Covariates that decide the verdict come first.
     let found = |model: &FittedModel, left: Option<&StructureTest>, least: f64| {
-        let own = missing.iter().cloned().chain(misfit_strata(evidence, model, least));
-        with_structure(own.collect(), left, least)
+        let own = missing.iter().cloned().chain(misfit_strata(evidence, model, least)).collect();
+        with_structure(own, left, least)
     };
-    let (before, after) =
-        (recalibration_gain(evidence, baseline), recalibration_gain(evidence, model));
+    let [before, after] = [baseline, model].map(|model| recalibration_gain(evidence, model));
     let (low, high) = (baseline.held_out(), model.held_out());
     let upper_bound = (low + before.gain).max(high + after.gain.max(0.0)).max(reach);
     let (excess, share) = removed([low, high, upper_bound]);
     let verdict = verdict(taken.is_empty(), excess, share, adequacy).combined_with(
         !rejected_effects.is_empty(),
-        are_missing,
+        missing.is_some(),
         !departures.is_empty(),
     );
     // Relative to the signal as stated, departures of the frames are part of what is explained.
@@ -98,7 +96,6 @@ pub(crate) fn conclude(
         matches!(verdict, DiagnosisVerdict::Explained | DiagnosisVerdict::PartlyExplained);
     let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
     let effects = merge_effects(departures, named);
-    let next_recording = next_recording(&effects);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
         schema: DIAGNOSIS_SCHEMA.into(),
@@ -108,6 +105,7 @@ pub(crate) fn conclude(
             p_value: gain_p_value(gain, error),
             strata: found(baseline, left_before.as_ref(), least),
         },
+        next_recording: next_recording(&effects),
         effects,
         nuisances: nuisances(model),
         fit: scores([low, high, upper_bound], share),
@@ -121,7 +119,6 @@ pub(crate) fn conclude(
             ),
         },
         proposed_term: term.or_else(|| propose_for(evidence, model, verdict, left_before.as_ref())),
-        next_recording,
         cannot_judge: cannot_judge(evidence, reached.is_saturated),
         rejected_effects,
         split_half,
