@@ -9,7 +9,7 @@
 //! into pipes, at whose other ends all is decoded, counted, held to its order, summed up, and thrown
 //! away. The sums are compared with those of what the cameras made.
 //!
-//! Events are compressed as a rig's `davis.compression` says: `--compression=none` (unless stated), `lz4`
+//! Events are compressed as a rig's `davis.compression` states: `--compression=none` (unless stated), `lz4`
 //! or `zstd`.
 //!
 //! Both print what was dropped, processor time of the recorder alone (the threads that make the
@@ -91,7 +91,7 @@ fn machine_load() -> String {
     text.split(' ').next().unwrap_or("?").to_owned()
 }
 
-/// Copies files as the recorder leaves them, on the disk, and says how long that took.
+/// Copies the recorder's files on the disk, and returns how long that took.
 fn copy(files: &[PathBuf], to: &Path) -> Duration {
     std::fs::create_dir_all(to).unwrap();
     let began = Instant::now();

@@ -1,7 +1,7 @@
 //! The light signal's errors against the truth of the simulated world, as a table:
 //! `cargo run --release --example drive_table -- [CASE ...]`.
 //!
-//! Cases: `short` (the five-second protocol), `tilted` (the same, the print tilted by 15 mrad that the rig
+//! Cases: `short` (the five-second protocol), `tilted` (the same, the target tilted by 15 mrad that the rig
 //! does not state), `circle` (the published circle, one way), `wrist` (the wrist turns),
 //! `close` (a nearer target).
 
@@ -290,14 +290,14 @@ fn tell_offset(case: &Case, reconstruction: &Reconstruction, registration: &Regi
     );
 }
 
-/// The homography from the map's millimetres to the print's, by the Pi's looks.
+/// The homography from the map's millimetres to the target's, from the frames of the Pi.
 fn gauge(case: &Case, reconstruction: &Reconstruction) -> Homography {
     let pairs: Vec<_> = looks(case, reconstruction).into_iter().flatten().collect();
     Homography::fit(&pairs)
         .unwrap_or_else(|_| Homography::from_matrix(nalgebra::Matrix3::identity()))
 }
 
-/// Places of the map and of the print that the same ray of the Pi meets, time after time.
+/// Points of the map and of the target on the same ray of the Pi, over time.
 fn looks(case: &Case, reconstruction: &Reconstruction) -> Vec<Vec<([f64; 2], [f64; 2])>> {
     let world = &case.world;
     let n = reconstruction.path.knots.len();

@@ -145,7 +145,7 @@ fn make(root: &Path, truth: &SealedTruth, random: &mut SplitMix) -> Result<usize
 /// The simulator's own settings for what is hidden; without any, its ideal pixel.
 fn config(truth: &SealedTruth, seed: u64, image: &[f64]) -> SimulatorConfig {
     let of = |id: &str| parameter(truth, id);
-    // Its noise is as frequent as it is told in the dark alone: the truth is the mean over all pixels.
+    // The stated noise rate holds in the dark only: the truth is the mean over all pixels.
     let light = image.iter().sum::<f64>() / image.len() as f64;
     let lit = 1.0 - (1.0 - NOISE_AT_WHITE) * light;
     let ideal = SimulatorConfig::ideal();

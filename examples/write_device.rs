@@ -5,7 +5,7 @@
 //! ```
 //! A device keeps six promises ([`Recorder`]): it looks before it sets, `start` returns once samples
 //! flow, samples that find no room are counted, `finish` hands over what was under way, `abort` works
-//! in any state. `CONTRIBUTING.md` says how one gets its key in the rig file.
+//! in any state. `CONTRIBUTING.md` states how to add its key to the rig file.
 
 #![allow(clippy::print_stdout)]
 

@@ -4,7 +4,7 @@
 //! cargo run --example write_effect
 //! ```
 //! An effect that acts on the light needs no change of the library: it is a drive around a drive.
-//! `CONTRIBUTING.md` says how one joins the library, with a name, parameters and a diagnosis.
+//! `CONTRIBUTING.md` states how to add one to the library, with a name, parameters and a diagnosis.
 
 #![allow(clippy::print_stdout)]
 

@@ -68,11 +68,11 @@ pub enum BatchError {
         whom: String,
     },
     /// Nothing can be written to it.
-    #[error("{path}: {source}; results are written beside the recordings: copy them to a disk that can be written to and has room", path = path.display())]
+    #[error("{path}: {source}; results are written beside the recordings: copy them to a writable disk with free space", path = path.display())]
     NoRoom {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// Shares that make no split.
@@ -118,13 +118,13 @@ pub enum BatchError {
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
 }
 
 impl BatchError {
-    /// The system's refusal, told from a disk that is full or cannot be written to.
+    /// The system's refusal; a disk that is full or read-only is a variant of its own.
     pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         |source| {
             let path = path.to_owned();

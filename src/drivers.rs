@@ -1,7 +1,7 @@
 //! The registry of drivers, and a rig's devices opened by them.
 //!
 //! A driver states which rig-file key and values choose it and opens its device; the device checks
-//! itself ([`Recorder::check`], [`ArmDriver::check`]) and each error says what to do.
+//! itself ([`Recorder::check`], [`ArmDriver::check`]) and each error states what to do.
 
 mod davis;
 mod dobot;

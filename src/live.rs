@@ -61,7 +61,7 @@ pub enum LiveError {
     Foxglove {
         /// Where.
         address: SocketAddr,
-        /// What it says.
+        /// Its error.
         because: String,
     },
     /// This program has no such server.

@@ -36,8 +36,7 @@ pub fn card(index: &Index) -> String {
         "\nA session's split follows from a hash of {} and the seed {}: adding sessions moves none.",
         match index.split_by {
             SplitBy::Recording => "what was recorded",
-            SplitBy::Stimulus =>
-                "the picture that was shown, whose recordings are all in one part,",
+            SplitBy::Stimulus => "the displayed image, whose recordings are all in one part,",
         },
         index.split_seed
     );

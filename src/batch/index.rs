@@ -90,7 +90,7 @@ pub struct IndexedSession {
 pub struct NamedEffect {
     /// Its id.
     pub id: EffectId,
-    /// What it buys on held-out events, nats per event.
+    /// Its gain on held-out events, nats per event.
     pub heldout_gain_nats_per_event: f64,
     /// Its parameters.
     pub parameters: BTreeMap<String, f64>,
@@ -182,7 +182,7 @@ fn entry(root: &Path, found: &FoundSession, splits: &Splits) -> IndexedSession {
             entry.duration_s = duration_s(manifest);
             entry.streams = streams(session);
             entry.losses = manifest.losses.clone();
-            // A diagnosis that cannot be read is none; `evrig report SESSION` says why.
+            // A diagnosis that cannot be read is none; `evrig report SESSION` states why.
             if let Ok(Some(diagnosis)) = read_diagnosis(session) {
                 entry.diagnosis = Some(diagnosis.verdict);
                 entry.effects = diagnosis.effects.iter().map(named).collect();
@@ -267,15 +267,15 @@ fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Ve
     let n_unstated = sessions.iter().filter(is_unstated).count();
     if by == SplitBy::Stimulus && n_unstated > 0 {
         warnings.push(format!(
-            "{n_unstated} sessions do not state which picture was shown, so that the split takes each for \
-             one of its own; `evrig record --images` notes it"
+            "{n_unstated} sessions do not state which image was displayed, so that the split counts each \
+             as a separate image; `evrig record --images` notes it"
         ));
     }
     if rigs.len() > 1 {
         let names: Vec<String> =
             rigs.iter().map(|rig| format!("{} ({})", rig.id, rig.n_sessions)).collect();
         warnings.push(format!(
-            "sessions of {} rigs stand together: {}; `evrig compare DATASET --rig NAME` takes those of one",
+            "the dataset mixes sessions of {} rigs: {}; `evrig compare DATASET --rig NAME` selects one",
             rigs.len(),
             names.join("; ")
         ));
@@ -287,7 +287,7 @@ fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Ve
         .collect();
     if !newer.is_empty() {
         warnings.push(format!(
-            "made by a newer evrig than this one ({}), which may say things that this one does not read: {}",
+            "made by a newer evrig than this one ({}), whose files may contain keys that this one does not read: {}",
             env!("CARGO_PKG_VERSION"),
             newer.join(", ")
         ));

@@ -214,7 +214,7 @@ fn comparison(aggregate: &Aggregate) -> Section {
     let healthy = ReportTable {
         title: "Sessions in the healthy range".into(),
         caption:
-            "In how many sessions each measure lies in the range that its authors call healthy."
+            "Number of sessions in which each measure is in the range that its authors call healthy."
                 .into(),
         columns,
         rows: rows.collect(),

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Tasks of one array: Slurm's own limit unless `MaxArraySize` says otherwise.
+/// Tasks of one array: Slurm's own limit unless `MaxArraySize` states another.
 const MAX_ARRAY: usize = 1000;
 
 /// What a task may use.

@@ -57,7 +57,7 @@ impl Splits {
                 share.trim().parse().map_err(|_| wrong(format!("`{share}` is no number")))?;
             let name = name.trim().to_owned();
             if name.is_empty() || shares.iter().any(|other| other.name == name) {
-                return Err(wrong(format!("`{part}` needs a name of its own")));
+                return Err(wrong(format!("`{part}` needs a unique name")));
             }
             if !(0.0..=1.0).contains(&share) {
                 return Err(wrong(format!("{share} is no share between 0 and 1")));
@@ -218,7 +218,7 @@ mod tests {
     fn shares_that_make_no_split_are_refused_by_name() {
         for (text, expected) in [
             ("train", "no `=`"),
-            ("train=0.8,train=0.2", "name of its own"),
+            ("train=0.8,train=0.2", "unique name"),
             ("train=0.8,test=0.1", "add up to 0.9"),
             ("train=2,test=-1", "no share"),
             ("train=x", "no number"),

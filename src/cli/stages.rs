@@ -13,9 +13,9 @@ use std::path::PathBuf;
     evrig generate sessions/street --knob contrast-sensitivity=3 --knob bright-leakage=0 --name calm\n  \
     evrig generate sessions/street --model v2e --name v2e\n  \
     evrig generate sessions/street --effect refractory_period:refractory_us=800 --name held\n  \
-    evrig generate sessions/print --from scene --k @calibrated --name scene-tuned\n  \
-    evrig generate sessions/print --diagnosed      # the camera that `evrig diagnose` found there\n  \
-    evrig generate sessions/next --diagnosed sessions/print/derived/diagnose/camera.json\n  \
+    evrig generate sessions/one --from scene --k @calibrated --name scene-tuned\n  \
+    evrig generate sessions/one --diagnosed      # the camera that `evrig diagnose` found there\n  \
+    evrig generate sessions/next --diagnosed sessions/one/derived/diagnose/camera.json\n  \
     evrig generate sessions/street --variants davis\n\n\
     Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
     bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]

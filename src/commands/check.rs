@@ -95,7 +95,7 @@ fn disk(out: &Path, needed: u64) -> Finding {
     let says = format!("{:.1} GB free in {}, {:.1} GB needed", gb(free), out.display(), gb(needed));
     match free {
         free if free < needed => {
-            Finding::bad("disk", format!("{says}; make room or record elsewhere"))
+            Finding::bad("disk", format!("{says}; free space or record elsewhere"))
         }
         free if free < needed + needed / 2 => Finding::doubt("disk", says),
         _ => Finding::good("disk", says),

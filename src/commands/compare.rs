@@ -53,7 +53,7 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
         }
     }
     if values.is_empty() {
-        anyhow::bail!("none of the simulated streams could be compared, as said above");
+        anyhow::bail!("none of the simulated streams could be compared; the reasons are above");
     }
     let value =
         json!({ "schema": "evrig.comparisons/1", "comparisons": values, "left_out": left_out });

@@ -92,7 +92,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
     }
     for suspect in &diagnosis.rejected_effects {
         text += &format!(
-            "\nnot named: {} would gain {:.3} nats per event, but {}",
+            "\nrejected: {} would gain {:.3} nats per event, but {}",
             suspect.id, suspect.heldout_gain_nats_per_event, suspect.because
         );
     }

@@ -42,7 +42,7 @@ impl std::fmt::Display for LiveStatus {
             self.n_dropped_for_viewers,
             self.longest_delay_ms,
         )?;
-        f.write_str(if self.tag_px.is_some() { "  tag seen" } else { "" })?;
+        f.write_str(if self.tag_px.is_some() { "  tag detected" } else { "" })?;
         if let Some(offset) = self.pi_clock_offset_us {
             write!(f, "  Pi clock {offset:+.0} us")?;
         }

@@ -223,7 +223,7 @@ fn run(
     let own = filter::grid(session, &request.simulated)?;
     if own != size {
         return Err(missing(format!(
-            "`{}` is on a grid of {own}, `{}` on {size}; cut both to the picture with \
+            "`{}` is on a grid of {own}, `{}` on {size}; cut both to the target image with \
              `evrig filter --crop PX`",
             request.simulated, reference.name
         )));

@@ -210,7 +210,7 @@ pub fn track_for(session: &Session, stream: &StreamName) -> Result<String, Pipel
     own.or_else(|| tracked.iter().find(same_camera)).cloned().ok_or_else(|| {
         let camera = if is_from_pi { "the Pi's camera" } else { "the event camera" };
         let what = format!(
-            "no track of {camera} shows where the picture is in `{stream}`; run `evrig track`, \
+            "no track of {camera} locates the target image in `{stream}`; run `evrig track`, \
              or filter the whole sensor with --no-region"
         );
         missing(session, what)
@@ -284,7 +284,7 @@ fn path_of<C: Clock>(
     RegionPath::new(size, [first_us, last_us], STEP_US, square_from_pixel, ideal)
 }
 
-/// From millimetres on the print to the picture, 0 to 1 from left to right and top to bottom.
+/// From millimetres on the target to the target image, 0 to 1 from left to right and top to bottom.
 fn square_from_plane(plane: &TargetPlane) -> Homography {
     let [x, y] = plane.picture_corners_mm()[3];
     let scale = 1.0 / plane.picture_side_mm;

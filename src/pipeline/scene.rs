@@ -67,7 +67,7 @@ pub fn scene_streams(session: &Session) -> Result<[&str; 2], PipelineError> {
     };
     match (of("raw", true), of("aps", false)) {
         (Some(raw), Some(aps)) => Ok([raw, aps]),
-        (None, _) => Err(missing(session, "no raw frames of the Pi to map the print with".into())),
+        (None, _) => Err(missing(session, "no raw frames of the Pi to map the target".into())),
         (_, None) => {
             let what = "no frames of the event camera, without which nothing ties its pixels to the \
                         map; record with APS frames on, or take `diagnose --baseline frames`";
@@ -158,7 +158,7 @@ struct Cameras {
     are_measured: bool,
 }
 
-/// The session's own rig; for the published layout the published geometry, which says only roughly
+/// The session's own rig; for the published layout the published geometry, which states only roughly
 /// how the cameras sat.
 fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, PipelineError> {
     let own = session.rig()?;

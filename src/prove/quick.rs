@@ -54,7 +54,7 @@ fn complaint(judgement: &Judgement) -> Option<String> {
     };
     if !judgement.is_top1 {
         let said = if named.is_empty() { &judgement.verdict } else { &named };
-        return Some(format!("{trial}: hid {hidden}, first named {said}"));
+        return Some(format!("{trial}: hidden: {hidden}, accepted first: {said}"));
     }
     if judgement.wrong > 0 {
         return Some(format!("{trial}: hid {hidden} alone, named {named}"));

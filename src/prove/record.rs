@@ -49,7 +49,7 @@ pub enum ProofFolderError {
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
 }
@@ -95,7 +95,7 @@ pub enum DiagnosisOutcome {
 }
 
 impl DiagnosisOutcome {
-    /// What is judged: no answer names nothing, and its verdict says why.
+    /// What is judged: no answer names nothing, and its verdict states why.
     ///
     /// # Errors
     /// When the document is no diagnosis.

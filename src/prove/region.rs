@@ -1,10 +1,10 @@
-//! Where on the sensor an answer says that the model is wrong.
+//! The part of the sensor in which, according to an answer, the model is wrong.
 
 use super::answer::{DiagnosisAnswer, MismatchStratum};
 use evrig_core::geometry::Rectangle;
 
 /// The pixels an answer points at: the region of its first effect; without one, the rows and the
-/// columns in which it says that the mismatch lies; without those, the whole sensor.
+/// columns in which it locates the mismatch; without those, the whole sensor.
 #[must_use]
 pub(super) fn pointed_at(answer: &DiagnosisAnswer, sensor_px: [u16; 2]) -> Rectangle {
     let stated = answer.effects.first().and_then(|named| named.region.as_ref());

@@ -56,7 +56,7 @@ struct TrialJob<'a> {
 const AS_IT_IS: &str = "as-it-is";
 
 impl ProofRun<'_> {
-    /// Runs trials of one family; `progress` is told what is being done, and how many are done.
+    /// Runs trials of one family; `progress` receives the current step, and how many are done.
     /// Trials that have a record are not run again but judged from it.
     ///
     /// # Errors

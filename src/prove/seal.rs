@@ -23,7 +23,7 @@ pub enum SealError {
     Io {
         /// Where.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is no seal or no truth.

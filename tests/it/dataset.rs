@@ -31,7 +31,7 @@ fn a_dataset_with_broken_sessions_is_processed_and_only_stale_stages_run_again()
     std::fs::write(root.join("cut/session.json"), "{\"schema\": ").unwrap();
     copy(&root.join("s1"), &root.join("later"));
     let manifest = std::fs::read_to_string(root.join("later/session.json")).unwrap();
-    let manifest = manifest.replace("evrig.session/1", "evrig.session/9");
+    let manifest = manifest.replace("evrig.session/2", "evrig.session/9");
     std::fs::write(root.join("later/session.json"), manifest).unwrap();
     std::fs::create_dir(root.join("unsealed")).unwrap();
     std::fs::write(root.join("unsealed/journal.jsonl"), "").unwrap();

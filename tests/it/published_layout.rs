@@ -145,7 +145,7 @@ fn a_published_recording_with_defects_is_synchronized_and_registered() {
     let (code, printed, errors) = evrig(&["report", session]);
     assert_eq!(code, 0, "{printed}{errors}");
     let html = fs::read_to_string(imported.join("report.html")).unwrap();
-    for title in ["Interval convergence", "Radiance of the print", "Trajectory"] {
+    for title in ["Interval convergence", "Radiance of the target", "Trajectory"] {
         assert!(html.contains(title), "{title}");
     }
 }

@@ -59,7 +59,7 @@ pub enum StimulusError {
     },
     /// No page confirmed the picture.
     #[error(
-        "no page confirmed picture {index} ({label}) within {seconds} s; open {url} in a browser on \
+        "no page confirmed image {index} ({label}) within {seconds} s; open {url} in a browser on \
          the screen, calibrate it, and press f for full screen"
     )]
     NotShown {

@@ -165,7 +165,7 @@ mod tests {
     const SIZE: Size = Size { width: 40, height: 20 };
     const SPAN_US: i64 = 2_000_000;
 
-    /// Log light of a pixel as a function of seconds; nothing is known where it says so.
+    /// Log light of a pixel as a function of seconds; unknown where it is not finite.
     struct Known<F>(F);
 
     impl<F: Fn([f64; 2], f64) -> f64 + Send + Sync> Drive for Known<F> {

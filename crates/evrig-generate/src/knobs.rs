@@ -1,7 +1,7 @@
 //! The settings a person thinks in, and what each does to k: the one place of this mapping.
 //!
 //! After Raw2Event's table of user-intuitive parameters. Where the table names two k for one
-//! setting, the mapping says how they move together: contrast sensitivity stands for the
+//! setting, the mapping states how they change together: contrast sensitivity stands for the
 //! pixel's threshold, which scales the signal (k1) and the dark leak (k4) alike; temporal
 //! jitter multiplies both sources of noise (k3 and k6).
 

@@ -79,7 +79,7 @@ pub enum ParameterError {
     Threads {
         /// How many were asked for.
         threads: usize,
-        /// What the system says.
+        /// The system's error.
         reason: String,
     },
 }

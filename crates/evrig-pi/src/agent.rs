@@ -155,7 +155,7 @@ async fn accept(listener: TcpListener, tls: Option<Arc<ServerConfig>>, shared: A
             drop(place);
             match greeted {
                 Ok(Ok(line)) => shared.converse(line).await,
-                // A stranger is told nothing more than TLS itself tells.
+                // An unauthenticated client receives nothing but the TLS alert.
                 Ok(Err(_)) | Err(_) => gate.failed(from.ip()),
             }
         });

@@ -27,7 +27,7 @@ pub enum CodingError {
     #[error(transparent)]
     Raw10(#[from] Raw10Error),
     /// The picture to code has another length.
-    #[error("an RGB picture of {size} has {expected} bytes, found {found}")]
+    #[error("an RGB image of {size} has {expected} bytes, found {found}")]
     Length {
         /// The picture's size.
         size: Size,
@@ -37,7 +37,7 @@ pub enum CodingError {
         found: usize,
     },
     /// A band is cut short or damaged.
-    #[error("band {band} of {N_BANDS} of a coded picture of {size}: {because}")]
+    #[error("band {band} of {N_BANDS} of a coded image of {size}: {because}")]
     Band {
         /// Which, from 0.
         band: usize,
@@ -323,7 +323,7 @@ mod tests {
         let coded = encode_rgb(&rgb, size).unwrap();
         for n in 0..coded.len() {
             let error = decode_rgb(&coded[..n], size).unwrap_err().to_string();
-            assert!(error.contains("of a coded picture of 16 x 16"), "{error}");
+            assert!(error.contains("of a coded image of 16 x 16"), "{error}");
         }
         let longer = [coded.as_slice(), b"x"].concat();
         assert!(decode_rgb(&longer, size).unwrap_err().to_string().contains("1 bytes follow"));

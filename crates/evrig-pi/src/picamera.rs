@@ -170,7 +170,7 @@ impl FrameSource for Picamera {
             return if held.heard.elapsed() < SILENCE {
                 Ok(None)
             } else {
-                Err(SourceError::new(format!("no frame came for {SILENCE:?}; look at its cable")))
+                Err(SourceError::new(format!("no frame came for {SILENCE:?}; check its cable")))
             };
         };
         held.heard = Instant::now();
@@ -188,7 +188,7 @@ fn check(settings: &CaptureSettings) -> Result<(), SourceError> {
     let size = settings.size;
     if !size.width.is_multiple_of(4) || !size.height.is_multiple_of(2) || size.n_pixels() == 0 {
         return Err(SourceError::new(format!(
-            "it takes pictures whose width is a multiple of 4 and height of 2, not {size}; correct pi.size_px"
+            "it takes images whose width is a multiple of 4 and height of 2, not {size}; correct pi.size_px"
         )));
     }
     if !(settings.raw || settings.rgb) {
@@ -229,7 +229,7 @@ impl ConfiguredCamera {
         self.count_up_to(stamp);
         let n_raw = head.n_raw.unwrap_or(0);
         let Some((raw, rgb)) = pictures.split_at_checked(n_raw) else {
-            return Err(SourceError::new("a frame is shorter than its raw picture"));
+            return Err(SourceError::new("a frame is shorter than its raw image"));
         };
         let raw10 = head.n_raw.map(|_| self.raw.to_raw10(raw, size)).transpose()?;
         let rgb = head.n_rgb.map(|_| self.rgb.to_rgb(rgb, size)).transpose()?;

@@ -349,7 +349,7 @@ fn parse(head: &[u8], pictures: &[u8]) -> Result<Message, String> {
     if pictures.is_empty() {
         Ok(message)
     } else {
-        Err(format!("{} bytes behind a message without pictures", pictures.len()))
+        Err(format!("{} bytes behind a message without images", pictures.len()))
     }
 }
 
@@ -453,7 +453,7 @@ mod tests {
         let start = text.find('{').unwrap();
         assert!(text.contains("\"n_bytes\":41"), "{text}");
         let head = &text.as_bytes()[start..text.rfind('}').unwrap() + 1];
-        assert!(parse(head, &[0; 136]).unwrap_err().contains("pictures"));
+        assert!(parse(head, &[0; 136]).unwrap_err().contains("images"));
     }
 
     #[test]

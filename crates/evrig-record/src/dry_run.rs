@@ -54,7 +54,7 @@ pub enum DryRunError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The system has no pipe or no thread left.
-    #[error("no pipe or thread for the rehearsal: {0}; close other programs")]
+    #[error("no pipe or thread for the dry run: {0}; close other programs")]
     System(#[from] std::io::Error),
 }
 

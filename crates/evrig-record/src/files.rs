@@ -49,7 +49,7 @@ pub fn create_event_file(
     create_synced_event_file(layout, compression, streams).map(|(file, _)| file)
 }
 
-/// The same, with another handle by which it is synced.
+/// The same, with a second handle for syncing.
 fn create_synced_event_file(
     layout: &SessionLayout,
     compression: Compression,
@@ -184,7 +184,7 @@ impl SharedRigLog {
 fn flush(log: &Weak<Mutex<Option<RigLogWriter>>>) -> bool {
     let Some(log) = log.upgrade() else { return false };
     let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
-    // A disk that refuses now refuses the next message, and there it is told.
+    // A disk that refuses now refuses the next message, and is reported there.
     log.as_mut().is_some_and(|log| log.flush().is_ok())
 }
 

@@ -30,7 +30,7 @@ pub enum RunsError {
         because: String,
     },
     /// There is one already.
-    #[error("{} is there already; go on with --resume, or choose another --out", path.display())]
+    #[error("{} is there already; continue with --resume, or choose another --out", path.display())]
     Received {
         /// The list.
         path: PathBuf,

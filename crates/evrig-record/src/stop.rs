@@ -27,7 +27,7 @@ pub trait EmergencyStop: Send + Sync + std::fmt::Debug {
     fn halt(&self) -> std::io::Result<()>;
 }
 
-/// Why the guard process of an arm ended. The arm was told to stop in every case but the first.
+/// Why the guard process of an arm ended. The stop command was sent in every case but the first.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum GuardEnd {
     /// The port could not be opened.

@@ -167,7 +167,7 @@ fn maps(scene: &Scene) -> Result<Figure, PixelImageError> {
         title: "Radiance of the target".into(),
         caption: "Map from all raw frames of the Pi, black level subtracted and colours of the mosaic equalised, in \
                   millimetres from the tag's middle; and its standard error by cell, from the residuals of \
-                  the frames. Empty: not seen by any frame."
+                  the frames. Empty: not covered by any frame."
             .into(),
         legend: vec![],
         panels: vec![

@@ -116,7 +116,7 @@ impl FrameSource for SimulatedSource {
             ("rgb", pi.rgb || !settings.rgb),
         ];
         if let Some((what, _)) = asked.into_iter().find(|(_, is_of_rig)| !is_of_rig) {
-            let because = format!("{what} is not what its rig file says; use the same rig file");
+            let because = format!("{what} differs from its rig file; use the same rig file");
             return Err(SourceError { because });
         }
         raw10::row_bytes(settings.size.width)

@@ -291,7 +291,7 @@ struct SessionFiles {
 }
 
 impl SessionFiles {
-    /// Writes everything, ends the files, and says how many samples there were.
+    /// Writes everything, closes the files, and returns the numbers of samples.
     fn write_all(
         mut self,
         inlet: Receiver<HostBatch>,

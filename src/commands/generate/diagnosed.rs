@@ -42,8 +42,8 @@ fn by(camera: &Path, from: Option<&str>) -> Result<By, WrongUse> {
     match (camera == Path::new(OWN), from) {
         (true, None) => Ok(By::Own),
         (true, Some(_)) => Err(WrongUse(
-            "--diagnosed looks at the light that it was found in; leave --from out, or name the \
-             camera.json to use it in another light"
+            "--diagnosed uses the signal of its diagnosis; leave --from out, or name the \
+             camera.json to use another signal"
                 .into(),
         )),
         (false, None) => Ok(By::Other(camera.to_owned(), None)),

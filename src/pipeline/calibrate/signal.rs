@@ -131,7 +131,7 @@ fn carried(
     }
     if n_on_path < 2 {
         let what = format!(
-            "{n_on_path} frames of `{from}` lie where the tracks of both cameras lead; record with \
+            "{n_on_path} frames of `{from}` lie on the tracks of both cameras; record with \
              the tag in sight of both"
         );
         return Err(missing(session, what));

@@ -22,8 +22,8 @@ pub(super) fn run(
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<(GenerateTally, Duration), PipelineError> {
     if request.conditions.preparation != FramePreparation::default() {
-        let what = "the scene has no pictures whose colour, pedestal or exposure could be chosen: \
-                    it is free of all three; leave these options out";
+        let what = "a scene has no frames, so that colour, black level and exposure do not apply; \
+                    leave these options out";
         return Err(missing(session, what.into()));
     }
     let drive = drive_of(session)?;

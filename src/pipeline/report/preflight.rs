@@ -39,7 +39,7 @@ pub(super) fn section(session: &Session) -> Result<Option<Section>, PipelineErro
     Ok(Some(Section {
         title: "Preflight and devices".into(),
         lead: format!(
-            "What was looked at before anything moved, and what each device gave. It ended: {}.",
+            "Checks before the first motion, and the samples of each device. The recording ended: {}.",
             recording.ended
         ),
         blocks,
@@ -73,7 +73,7 @@ fn devices(recording: &Recording) -> ReportTable {
     };
     ReportTable {
         title: "Devices".into(),
-        caption: "Samples that reached the files, and those that found no room on the way.".into(),
+        caption: "Samples in the files, and samples dropped because a queue was full.".into(),
         columns: vec![
             TableColumn::text("device"),
             TableColumn::number("samples", ""),

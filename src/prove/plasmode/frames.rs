@@ -13,7 +13,7 @@ pub(super) fn gamma(gamma: f64) -> impl Fn(f64, f64) -> f64 {
     move |value, full| full * (value / full).powf(gamma)
 }
 
-/// Changes every sample by a curve, which is told the sample and the full scale.
+/// Changes every sample by a curve of the sample and the full scale.
 pub(super) fn change(recording: &mut PlasmodeRecording, curve: impl Fn(f64, f64) -> f64) {
     for frame in &mut recording.frames {
         match &mut frame.samples {

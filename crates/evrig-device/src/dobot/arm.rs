@@ -35,7 +35,7 @@ pub enum ArmError {
         n_steps: usize,
     },
     /// The tool is not where a motion begins.
-    #[error("the arm stands at {found}, the step begins at {expected}; prepare the path again")]
+    #[error("the arm is at {found}, the step begins at {expected}; prepare the path again")]
     NotAtStart {
         /// Its pose.
         found: Pose,

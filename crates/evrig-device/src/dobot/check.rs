@@ -78,7 +78,7 @@ fn tool(client: &mut ArmClient, description: &ArmDescription) -> Finding {
         Ok(found) => Finding::doubt(
             "tool",
             format!(
-                "the arm's tool offset is {found:?} mm, the rig file says {expected:?}; \
+                "the arm's tool offset is {found:?} mm, the rig file states {expected:?}; \
                  it is set before the recording"
             ),
         ),

@@ -22,7 +22,7 @@ pub enum ArmClientError {
     #[error("the arm's answer makes no sense: {0}; is this a Magician?")]
     Malformed(#[from] Malformed),
     /// Alarms are set.
-    #[error("the arm stands with {alarms}")]
+    #[error("the arm has stopped with {alarms}")]
     Alarmed {
         /// Which.
         alarms: Alarms,
@@ -50,7 +50,7 @@ pub enum ArmClientError {
     /// A command did not end in time.
     #[error(
         "command {index} of the queue did not end within {waited} (the arm is at command {current}); \
-         look whether the arm is blocked"
+         check whether the arm is blocked"
     )]
     Late {
         /// Which.

@@ -222,7 +222,7 @@ impl ArmLink for SerialLink {
     }
 
     fn stop(&mut self) -> Result<(), LinkError> {
-        // Both are told before either is waited for; then each is asked again until it confirms,
+        // Both receive the command before either is waited for; then each is asked again until it confirms,
         // which it may do twice. A lost stop is worse than a double one.
         self.write_stop()?;
         for command in [ArmCommand::ForceStop, ArmCommand::ClearQueue] {

@@ -259,7 +259,7 @@ fn count(tally: &mut RecorderTally, take: &TakeTally) {
     tally.n_dropped += take.n_dropped;
     if take.n_late_dropped > 0 {
         let n = take.n_late_dropped;
-        tally.gaps.push(format!("{n} RGB pictures had no room in the Pi's spool"));
+        tally.gaps.push(format!("{n} RGB frames did not fit into the Pi's spool"));
     }
 }
 
@@ -268,7 +268,7 @@ fn deliver_late(outlet: &SampleSender, monitor: &RecorderMonitor, frame: Box<PiF
     if !outlet.put(RecorderSample::LateRgb { arrived: host_time(), frame }) {
         monitor.change(|state| {
             if state.tally.gaps.is_empty() {
-                state.tally.gaps.push("the writer ended before the late RGB pictures".to_owned());
+                state.tally.gaps.push("the writer ended before the delayed RGB frames".to_owned());
             }
         });
     }

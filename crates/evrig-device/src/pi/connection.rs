@@ -258,7 +258,7 @@ impl AgentConnection {
     pub(super) fn unexpected(&self, expected: &str, found: &Message) -> RecorderError {
         let name = format!("{found:?}");
         let name = name.split(['(', ' ', '{']).next().unwrap_or_default();
-        self.agent.failed(format!("expected {expected}, the agent said {name}"))
+        self.agent.failed(format!("expected {expected}, the agent sent {name}"))
     }
 }
 

@@ -37,7 +37,7 @@ impl ImageList {
         let failed = |what: String| StimulusError::List { path: path.to_owned(), what };
         let images = if path.is_dir() { folder(path)? } else { file(path)? };
         if images.is_empty() {
-            return Err(failed("holds no picture (png, jpg, bmp)".into()));
+            return Err(failed("holds no image (png, jpg, bmp)".into()));
         }
         Ok(Self { images })
     }
@@ -86,7 +86,7 @@ fn file(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
         let name = record.get(0).unwrap_or_default();
         if name.is_empty() || record.len() > 2 {
             let found = record.iter().collect::<Vec<_>>().join(",");
-            return Err(failed(format!("line {line}: expected picture[,label], found `{found}`")));
+            return Err(failed(format!("line {line}: expected image[,label], found `{found}`")));
         }
         let label = record.get(1).filter(|label| !label.is_empty()).map(str::to_owned);
         let image = picture(folder.join(name), label).map_err(|error| match error {
@@ -104,14 +104,14 @@ fn file(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
 fn picture(path: PathBuf, label: Option<String>) -> Result<StimulusImage, StimulusError> {
     let failed = |what: String| StimulusError::List { path: path.clone(), what };
     let media_type = media_type(&path)
-        .ok_or_else(|| failed("is no picture that browsers draw; use png, jpg or bmp".into()))?;
+        .ok_or_else(|| failed("is no image that browsers draw; use png, jpg or bmp".into()))?;
     let bytes = std::fs::metadata(&path).map_err(|error| failed(error.to_string()))?.len();
     if bytes > MAX_BYTES {
         return Err(failed(format!("has {bytes} bytes; at most {MAX_BYTES} are shown")));
     }
     let opened = ImageReader::open(&path).and_then(ImageReader::with_guessed_format);
     let reader = opened.map_err(|error| failed(error.to_string()))?;
-    reader.into_dimensions().map_err(|error| failed(format!("is no picture: {error}")))?;
+    reader.into_dimensions().map_err(|error| failed(format!("is no image: {error}")))?;
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let label = label.or(stem).unwrap_or_default();
     Ok(StimulusImage { path, label, media_type })
@@ -161,10 +161,10 @@ mod tests {
         let list = folder.path().join("list.csv");
         for (text, expected) in [
             ("a.png\nmissing.png,x\n", "line 2"),
-            ("broken.png\n", "is no picture"),
+            ("broken.png\n", "is no image"),
             ("a.tiff\n", "use png, jpg or bmp"),
-            ("a.png,label,more\n", "expected picture[,label]"),
-            ("# nothing\n", "holds no picture"),
+            ("a.png,label,more\n", "expected image[,label]"),
+            ("# nothing\n", "holds no image"),
         ] {
             std::fs::write(&list, text).unwrap();
             let said = ImageList::read(&list).unwrap_err().to_string();

@@ -1,5 +1,5 @@
 "use strict";
-// Follows the server's state, draws picture and tag in the screen's own pixels, and says so.
+// Follows the server's state, draws image and tag in the screen's own pixels, and confirms it.
 const CARD_MM = [85.6, 53.98];
 const byId = (id) => document.getElementById(id);
 const [target, picture, tag, says] = ["target", "picture", "tag", "says"].map(byId);

@@ -60,7 +60,7 @@ impl Recorder for Screen {
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let index = self.next.load(Ordering::SeqCst);
         let image = self.stimulus.images().get(index).cloned();
-        let image = image.ok_or_else(|| self.failed(format!("the list has no picture {index}")))?;
+        let image = image.ok_or_else(|| self.failed(format!("the list has no image {index}")))?;
         let (sha256, bytes) = sha256_of_file(&image.path).map_err(|error| self.failed(error))?;
         let shown = self.stimulus.show(index, PATIENCE).map_err(|error| self.failed(error))?;
         let file = image.path.file_name().map(|name| name.to_string_lossy().into_owned());

@@ -12,7 +12,7 @@ const CUT: &str =
     "the file was cut, what came before is complete; copy it again if the original is longer";
 /// Advice for a file whose bytes changed.
 const DAMAGED: &str =
-    "the file is damaged here, what came before is complete; copy it again or go on with that";
+    "the file is damaged here, what came before is complete; copy it again or continue with that";
 /// Advice for a file that is no AEDAT4.
 const OTHER_FORMAT: &str = "give a file that DV, dv-processing or evrig wrote";
 

@@ -67,7 +67,7 @@ mod tests {
     use evrig_core::imu::{ImuSample, Trigger, TriggerKind};
     use evrig_core::time::Stamp;
 
-    /// Puts `i32::MIN` at each place in turn and says how many of them `check` refuses.
+    /// Puts `i32::MIN` at each place in turn and returns how many of them `check` refuses.
     fn plant(payload: &[u8], holds_tables: bool, read: impl Fn(&[u8])) -> usize {
         let mut n_refused = 0;
         for at in (0..payload.len() - 3).step_by(2) {

@@ -107,7 +107,7 @@ fn right_length(bytes: &[u8], expected: usize, size: Size) -> Result<&[u8], Sour
     }
     let found = bytes.len();
     Err(SourceError::new(format!(
-        "a picture of {size} in this format has {expected} bytes, found {found}"
+        "an image of {size} in this format has {expected} bytes, found {found}"
     )))
 }
 

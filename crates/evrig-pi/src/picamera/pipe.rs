@@ -183,7 +183,7 @@ impl Helper {
         let how = how.map_or_else(|| "ended".to_owned(), |status| format!("ended with {status}"));
         let words = self.stderr_lines.lock().unwrap_or_else(PoisonError::into_inner);
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        SourceError::new(format!("its helper {how}; it said last: {}", words.join(" / ")))
+        SourceError::new(format!("its helper {how}; its last output: {}", words.join(" / ")))
     }
 
     fn end(&mut self) {
@@ -220,7 +220,7 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<HelperPacket>, String> {
     let n_pictures = u32::from_le_bytes([e, f, g, h]) as usize;
     if n_head > MAX_HEAD_BYTES || n_pictures > MAX_PICTURE_BYTES {
         return Err(format!(
-            "its helper announces a head of {n_head} and pictures of {n_pictures} bytes; at most {MAX_HEAD_BYTES} and {MAX_PICTURE_BYTES} are expected"
+            "its helper announces a header of {n_head} and images of {n_pictures} bytes; at most {MAX_HEAD_BYTES} and {MAX_PICTURE_BYTES} are expected"
         ));
     }
     let (mut head, mut pictures) = (vec![0; n_head], vec![0; n_pictures]);
@@ -228,7 +228,7 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<HelperPacket>, String> {
         return Ok(None);
     }
     let head = serde_json::from_slice(&head)
-        .map_err(|error| format!("its helper says what is not understood: {error}"))?;
+        .map_err(|error| format!("the message of its helper is not understood: {error}"))?;
     Ok(Some(HelperPacket { head, pictures }))
 }
 

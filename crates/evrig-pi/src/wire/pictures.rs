@@ -30,7 +30,7 @@ pub(super) fn frame(
     let in_words = || {
         let found = [raw, rgb].map(|picture| picture.map(|picture| picture.n_bytes));
         format!(
-            "a frame of {size} has pictures of {lengths:?} bytes, found {found:?} in {}",
+            "a frame of {size} has images of {lengths:?} bytes, found {found:?} in {}",
             bytes.len()
         )
     };

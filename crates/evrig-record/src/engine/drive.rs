@@ -94,8 +94,8 @@ impl ActiveRecording<'_> {
     fn look_at_clock(&mut self) -> Result<(), EndCause> {
         let Some(by) = self.wall_clock.look(host_time) else { return Ok(()) };
         let what = format!(
-            "the host's wall clock was set by {:+.6} s; where a wall-clock time stands beside a \
-             monotonic one, the latter tells how much time passed",
+            "the host's wall clock was set by {:+.6} s; where a wall-clock time is stored with a \
+             monotonic one, use the latter for elapsed time",
             by.as_secs_f64()
         );
         self.journal.note("clock set", &json!({"by_ns": by.as_nanos()}))?;

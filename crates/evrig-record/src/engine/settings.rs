@@ -47,7 +47,7 @@ impl ActiveRecording<'_> {
             }
             let is_stuck = since.elapsed() >= SETTLE_TIMEOUT;
             if is_stuck || (self.stop.requested() == StopRequest::AtOnce && share < 1.0) {
-                let what = format!("{:.1} % of what was seen had not come", 100.0 * (1.0 - share));
+                let what = format!("{:.1} % of the samples had not arrived", 100.0 * (1.0 - share));
                 losses.push(DataLoss { stream: "recording".into(), what, count: 0 });
             } else if share < 1.0 {
                 std::thread::sleep(POLL_INTERVAL);

@@ -1,7 +1,7 @@
 //! Checks the lengths of a chunk's records against the chunk's length, before the library subtracts
 //! them.
 //!
-//! mcap 0.26 subtracts the length that a record claims from what is left of its chunk without
+//! mcap 0.26 subtracts the length that a record claims from the rest of its chunk without
 //! asking whether it fits; in a damaged file the difference is negative. Here every length is
 //! checked on its way from the file to the library; reading ends at the first that does not fit.
 

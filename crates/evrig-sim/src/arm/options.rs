@@ -7,7 +7,7 @@ use evrig_core::time::Span;
 /// Parameters that set the speed of arcs and circles; to be measured on a real arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ArcSpeed {
-    /// The ARC parameters, as the API description says.
+    /// The ARC parameters, as the API description states.
     #[default]
     ArcParams,
     /// The PTP Cartesian parameters and ratio, as the vendor's virtual Magician Lite does it.

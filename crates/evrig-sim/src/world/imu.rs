@@ -4,7 +4,7 @@
 //! as the camera's drivers set it: a thousand samples a second, 500 degrees a second and 4 g at full
 //! scale, low-pass at 92 Hz. Axes are those of the image: x to its right, y down, z along the view.
 //! A unit at rest feels what holds it up, so one that looks at the floor shows -1 g along z. It sits
-//! where the optical centre is; a few millimetres beside it are not told apart at an arm's turns.
+//! where the optical centre is; at the rotation rates of an arm, an offset of a few millimetres cannot be measured.
 
 use super::draws::{RandomPurpose, WorldRandom};
 use super::scene::World;
@@ -191,7 +191,7 @@ mod tests {
             let turn: Vec<_> =
                 samples.iter().map(|s| f64::from(s.rotation_deg_per_s[axis])).collect();
             let rms = mean(&turn.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
-            // 0.1 degrees a second in all at 92 Hz, says the sheet; 2,000 of them are independent.
+            // 0.1 degrees a second in all at 92 Hz, according to the data sheet; 2,000 of them are independent.
             assert!((rms - 0.1).abs() < 0.008, "{axis}: {rms}");
             // Neighbours share four of five.
             let products: Vec<_> = turn.windows(2).map(|pair| pair[0] * pair[1]).collect();

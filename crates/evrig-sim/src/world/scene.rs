@@ -41,7 +41,7 @@ pub struct World {
 }
 
 impl World {
-    /// A world in which the tool moves as `motion` says.
+    /// A world in which the tool moves along `motion`.
     ///
     /// # Errors
     /// When a value is out of range, the target image cannot be read, or a camera does not face the
@@ -192,7 +192,7 @@ impl World {
     }
 }
 
-/// Where the target lies: square to the DAVIS at the beginning, turned as the rig says.
+/// Pose of the target: parallel to the sensor of the DAVIS at the beginning, rotated as the rig states.
 fn place_target(rig: &Rig, start: Pose) -> WorldPlane {
     let (davis, pi) = (rig.mount.davis.frame(start), rig.mount.pi.frame(start));
     let (sin, cos) = rig.target.rotation.0.to_radians().sin_cos();

@@ -24,7 +24,7 @@ fn a_leak_a_third_above_the_prior_bound_is_found() {
     let gain = first.training() - held.training();
     let hz = first.hypothesis.nuisance(Nuisance::LeakHz);
     // A start at 0.6 Hz, the smallest of the library, ends farther away after one step.
-    assert!(gain > 0.0 && (0.3..0.5).contains(&hz), "{hz} Hz gains {gain} nats an event");
+    assert!(gain > 0.0 && (0.3..0.5).contains(&hz), "{hz} Hz gains {gain} nats per event");
 }
 
 #[test]

@@ -55,7 +55,7 @@ pub(super) enum GuardReport {
         /// What came of it.
         answer: Result<Exchange, LinkError>,
     },
-    /// The arm was told to stop, with the result.
+    /// The stop command was sent to the arm, with the result.
     Stopped(Result<(), LinkError>),
 }
 

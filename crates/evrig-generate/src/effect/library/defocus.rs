@@ -1,4 +1,4 @@
-//! Defocus: the event camera's lens is less sharp than the drive says.
+//! Defocus: the event camera's lens is less sharp than the drive assumes.
 //!
 //! A blur of Gaussian shape over the light; its mean is taken at nine places that are exact for
 //! light of up to the fifth power of place (Gauss and Hermite). Signature: fewer events at fine

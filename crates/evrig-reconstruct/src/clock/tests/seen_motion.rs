@@ -85,7 +85,7 @@ impl Scene {
         (sum / speed2).sqrt()
     }
 
-    /// What the second camera's stamp says at true time, nanoseconds after its own zero.
+    /// The second camera's stamp at true time, nanoseconds after its own zero.
     fn davis_ns(&self, t: f64) -> i64 {
         let middle = 0.5 * self.duration_s;
         // Inverse of a = b + tau + skew (b - middle), to first order in the skew.
