@@ -49,7 +49,9 @@ pub fn aedat4(bytes: &[u8]) {
 
 /// Frames of the arm's serial line: no byte is lost and buffers are bounded.
 pub fn dobot(bytes: &[u8]) {
-    evrig::device::dobot::frame::fuzz(bytes);
+    evrig::device::dobot::frame::fuzz(bytes, |frame| {
+        let _ = evrig::device::dobot::command::ArmCommand::decode(frame);
+    });
 }
 
 /// Messages between host and agent, in pieces of any size: a complete message can be encoded

@@ -229,7 +229,7 @@ mod tests {
         let error = claim_folder(folder.path(), &plan(1), false).unwrap_err();
         assert!(matches!(error, ProofFolderError::Taken { .. }), "{error}");
         let error = claim_folder(folder.path(), &plan(2), true).unwrap_err().to_string();
-        assert!(error.contains("`seed` is 1 there and 2 here"), "{error}");
+        assert!(error.contains("`seed` is 1 in the folder and 2 in this call"), "{error}");
     }
 
     #[test]

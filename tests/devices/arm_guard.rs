@@ -74,7 +74,7 @@ fn host_process() {
 
 fn start_host(port: &Path, end: &str) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "host_process", "--nocapture"])
+        .args(["--exact", "arm_guard::host_process", "--nocapture"])
         .env(PORT, port)
         .env(END, end)
         .process_group(0)

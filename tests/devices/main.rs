@@ -1,6 +1,12 @@
 //! Devices over their real protocols: arm, cameras, agent of the Pi, and recordings with faults.
 
-#![allow(clippy::expect_used, clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used, unreachable_pub)]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    unreachable_pub
+)]
 
 #[path = "../support/camera.rs"]
 mod camera;

@@ -1,6 +1,12 @@
 //! Files and stages: imports, processing, datasets, exports, reports and concealed trials.
 
-#![allow(clippy::expect_used, clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used, unreachable_pub)]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    unreachable_pub
+)]
 
 #[path = "../support/cluster.rs"]
 mod cluster;

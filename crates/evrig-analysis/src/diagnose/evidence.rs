@@ -81,10 +81,7 @@ pub struct PixelEvidence {
 
 impl PixelEvidence {
     pub(crate) fn bends(&self) -> &SignalKnots {
-        self.bends.get_or_init(|| {
-            let (signal, level) = (&self.light, &self.light);
-            SignalKnots::of(PixelSignal { start_us: 0.0, step_us: 1.0, signal, level, knots: None })
-        })
+        self.bends.get_or_init(|| SignalKnots::of(&self.light, &self.light))
     }
 
     /// The signal, to be changed.

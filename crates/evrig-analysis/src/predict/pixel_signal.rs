@@ -1,6 +1,6 @@
 //! The log-intensity signal of a pixel on a time grid.
 
-use super::signal_knots::SignalKnots;
+use super::signal_knots::{SignalKnots, known_runs};
 
 /// One pixel's signal, linear between samples.
 #[derive(Debug, Clone, Copy)]
@@ -44,29 +44,6 @@ impl<'a> PixelSignal<'a> {
         let (a, b) = (f64::from(self.signal[i]), f64::from(self.signal[i + 1]));
         a + (b - a) * (position - i as f64)
     }
-}
-
-/// First and last index of each run of at least two samples at which signal and level are known.
-pub(super) fn known_runs<'a>(
-    signal: &'a [f32],
-    level: &'a [f32],
-) -> impl Iterator<Item = [usize; 2]> + use<'a> {
-    let n = signal.len().min(level.len());
-    let mut next = 0;
-    std::iter::from_fn(move || {
-        while next < n {
-            let start = next;
-            while next < n && signal[next].is_finite() && level[next].is_finite() {
-                next += 1;
-            }
-            let end = next;
-            next += 1;
-            if end >= start + 2 {
-                return Some([start, end - 1]);
-            }
-        }
-        None
-    })
 }
 
 #[cfg(test)]

@@ -3,8 +3,6 @@
 //! Between two frames, or under constant light, hundreds of samples lie on one line. The likelihood
 //! needs only the samples at which the slope changes.
 
-use super::pixel_signal::{PixelSignal, known_runs};
-
 /// Largest deviation from the line between two knots, log intensity: a thousandth of a typical
 /// threshold.
 const TOLERANCE: f32 = 2e-4;
@@ -19,21 +17,21 @@ pub struct SignalKnots {
 }
 
 impl SignalKnots {
-    /// The knots of a signal.
+    /// The knots of a signal where it and its level are known.
     #[must_use]
-    pub fn of(signal: PixelSignal<'_>) -> Self {
+    pub fn of(signal: &[f32], level: &[f32]) -> Self {
         let mut knots = Self::default();
-        knots.set(signal);
+        knots.set(signal, level);
         knots
     }
 
     /// Replaces the knots by those of another signal; keeps the memory.
-    pub fn set(&mut self, signal: PixelSignal<'_>) {
+    pub fn set(&mut self, signal: &[f32], level: &[f32]) {
         self.runs.clear();
         self.positions.clear();
-        for [first, last] in known_runs(signal.signal, signal.level) {
+        for [first, last] in known_runs(signal, level) {
             self.runs.push([first, last]);
-            self.add(signal.signal, first, last);
+            self.add(signal, first, last);
         }
     }
 
@@ -84,19 +82,38 @@ static RECIPROCALS: [f32; 64] = {
     reciprocals
 };
 
+/// First and last index of each run of at least two samples at which signal and level are known.
+pub(super) fn known_runs<'a>(
+    signal: &'a [f32],
+    level: &'a [f32],
+) -> impl Iterator<Item = [usize; 2]> + use<'a> {
+    let n = signal.len().min(level.len());
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        while next < n {
+            let start = next;
+            while next < n && signal[next].is_finite() && level[next].is_finite() {
+                next += 1;
+            }
+            let end = next;
+            next += 1;
+            if end >= start + 2 {
+                return Some([start, end - 1]);
+            }
+        }
+        None
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn signal_of(signal: &[f32]) -> PixelSignal<'_> {
-        PixelSignal { start_us: 0.0, step_us: 1.0, signal, level: signal, knots: None }
-    }
 
     #[test]
     fn a_straight_signal_has_knots_at_its_ends_and_corners() {
         let mut signal: Vec<f32> = (0..1000).map(|i| 0.001 * (i as f32 - 500.0).abs()).collect();
         signal[100] = f32::NAN;
-        let knots = SignalKnots::of(signal_of(&signal));
+        let knots = SignalKnots::of(&signal, &signal);
         assert_eq!(knots.runs(), [[0, 99], [101, 999]]);
         assert_eq!(knots.positions(), [0, 99, 101, 500, 999]);
     }
@@ -105,7 +122,7 @@ mod tests {
     fn every_sample_is_near_the_line_between_knots() {
         let at = |i: usize| (0.004 * i as f32).sin() + 0.1 * (0.02 * i as f32).cos();
         let signal: Vec<f32> = (0..5000).map(at).collect();
-        let knots = SignalKnots::of(signal_of(&signal));
+        let knots = SignalKnots::of(&signal, &signal);
         let mut worst = 0.0_f32;
         for pair in knots.positions().windows(2) {
             let [a, b] = [pair[0] as usize, pair[1] as usize];

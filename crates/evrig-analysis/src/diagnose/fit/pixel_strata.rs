@@ -128,7 +128,8 @@ impl<'a> PixelScorer<'a> {
         } else {
             self.of = Some(hypothesis.clone());
             let view = hypothesis.view(self.evidence, self.pixel, stratum, signal);
-            self.bends.set(view.light());
+            let PixelSignal { signal, level, .. } = view.light();
+            self.bends.set(signal, level);
             view
         };
         let light = PixelSignal { knots: Some(&self.bends), ..view.light() };

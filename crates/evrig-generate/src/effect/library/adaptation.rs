@@ -6,7 +6,7 @@
 
 use crate::effect::low_pass::low_pass;
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// A share of the signal is high-passed.

@@ -5,7 +5,7 @@
 //! in the dark, equal for both sides.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// True pedestal less the stated one.

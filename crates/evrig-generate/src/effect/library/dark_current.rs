@@ -4,7 +4,7 @@
 //! al. 2008). Signature: contrast is compressed in the dark, by I/(I + d).
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// A constant beside the photocurrent.

@@ -45,8 +45,8 @@ fn shuffled(number: u32, n: u32, mix: impl Fn(u32, u64) -> u64) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::test_support::*;
     use super::shuffled;
+    use crate::effect::test_support::*;
 
     #[test]
     fn as_many_pixels_as_stated_are_silent() {

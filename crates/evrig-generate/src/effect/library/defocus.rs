@@ -5,7 +5,7 @@
 //! structure, the same at every speed.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// A Gaussian blur of the light in front of the pixel.

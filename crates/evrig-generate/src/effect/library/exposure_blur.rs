@@ -5,7 +5,7 @@
 //! beyond the stated one took. Signature: real events outnumber simulated ones the faster it goes.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// What an exposure beyond the stated one took is put back.

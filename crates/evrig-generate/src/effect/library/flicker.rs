@@ -4,7 +4,7 @@
 //! in the spectrum of events that all pixels share in phase.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 use std::f64::consts::TAU;
 
 effect! {

@@ -5,7 +5,7 @@
 //! phase between frames, stronger the faster the light changes.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite, RecordingContext};
+use crate::effect::pixel_site::{PixelSite, RecordingContext, SiteSignal};
 
 effect! {
     /// A share of the way from straight lines to cubics between frames.

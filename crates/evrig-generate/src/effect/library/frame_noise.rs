@@ -6,7 +6,7 @@
 //! part. Signature: simulated events of still pixels at the frames' rhythm that the camera lacks.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite, RecordingContext};
+use crate::effect::pixel_site::{PixelSite, RecordingContext, SiteSignal};
 
 effect! {
     /// Noise of that size is smoothed out of the frames.

@@ -33,15 +33,14 @@ impl EffectModel for Misregistration {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::test_support::*;
     use super::*;
+    use crate::effect::test_support::*;
 
     #[test]
     fn a_pixel_sees_what_was_predicted_for_the_place_that_was_moved_onto_it() {
         let context = crate::effect::pixel_site::RecordingContext::default();
         let source = crate::random::RandomSource::new(0);
-        let site =
-            PixelSite { x: 40, y: 10, size: SIZE, white_dn: 1.0, context: &context, source };
+        let site = PixelSite { x: 40, y: 10, size: SIZE, white_dn: 1.0, context: &context, source };
         let moved =
             Misregistration { shift_x_px: 2.0, shift_y_px: -1.0, rotation_deg: 30.0, scale: 1.1 };
         let [x, y] = moved.drive_place(&site, [40.5, 10.5]);

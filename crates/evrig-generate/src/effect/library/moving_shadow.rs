@@ -5,7 +5,7 @@
 //! OFF events, then ON events, in a band that does not move with the image.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// A band of shadow of Gaussian shape.

@@ -6,7 +6,7 @@
 
 use crate::effect::low_pass::{low_pass, tau_steps};
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// Poles whose cut-off is proportional to light.

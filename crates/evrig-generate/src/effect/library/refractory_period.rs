@@ -7,10 +7,12 @@
 //! Event filters and some simulators implement another one: the pixel keeps firing and storing its
 //! reference level, and events too soon after one that passed are removed.
 
-use crate::effect::model::{EffectDescription, EffectModel, EffectParameter, ReadoutContext, SignalStage};
+use crate::effect::model::{
+    EffectDescription, EffectModel, EffectParameter, ReadoutContext, SignalStage,
+};
 use crate::effect::pixel_site::PixelSite;
 use crate::pixel_model::PixelModel;
-use evrig_core::event::{RefractoryFilter, Events};
+use evrig_core::event::{Events, RefractoryFilter};
 use serde::{Deserialize, Serialize};
 
 /// Held at the reset for a fixed time.

@@ -7,8 +7,8 @@
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;
-use crate::pixel_model::PixelModel;
 use crate::pixel_model::BandNoise;
+use crate::pixel_model::PixelModel;
 
 effect! {
     /// An Ornstein-Uhlenbeck process on top of the signal.

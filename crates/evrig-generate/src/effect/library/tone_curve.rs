@@ -4,7 +4,7 @@
 //! a gain on all contrast of the frames that a brightness step reveals.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// The frames are a power of the light.

@@ -7,7 +7,7 @@
 //! where it is flat.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 use std::f64::consts::TAU;
 
 effect! {

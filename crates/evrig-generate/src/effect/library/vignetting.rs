@@ -5,7 +5,7 @@
 //! effects grow with the distance from the middle.
 
 use crate::effect::model::EffectModel;
-use crate::effect::pixel_site::{SiteSignal, PixelSite};
+use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// Loss of light that grows with the square of the distance from the middle.
