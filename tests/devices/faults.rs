@@ -320,7 +320,7 @@ fn a_failing_network_leaves_a_session_that_records_the_failure() {
         eprintln!("skipped: this system has no network namespaces or no `ip`");
         return;
     }
-    let name = "a_failing_network_leaves_a_session_that_records_the_failure";
+    let name = "faults::a_failing_network_leaves_a_session_that_records_the_failure";
     let ran = Command::new("unshare")
         .args(namespace)
         .arg(std::env::current_exe().unwrap())

@@ -10,7 +10,7 @@ pub(crate) mod stamp_grid;
 use crate::diagnose::evidence::event_context::EventContext;
 use crate::diagnose::evidence::pixel_selection::select_pixels;
 use crate::diagnose::{DiagnosisOptions, SessionFacts};
-use crate::predict::{EventsByPixel, PixelSignal, SignalKnots, Spike, TimeBlocks};
+use crate::predict::{EventsByPixel, SignalKnots, Spike, TimeBlocks};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Rectangle;
 use evrig_core::stats::SplitMix;
