@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-/// The manifest's schema; a reader refuses all but this and [`FORMER_SCHEMA`].
+/// The manifest's schema; a reader refuses all but this and the version before it.
 pub const SCHEMA: &str = "evrig.session/2";
 
 /// The former schema, in which a device's `description` has the key `says`.

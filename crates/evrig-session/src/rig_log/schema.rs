@@ -23,7 +23,7 @@ pub(super) const LOG: &str = concat!(
     r#","level":{"type":"integer"},"message":{"type":"string"},"name":{"type":"string"},"file":{"type":"string"},"line":{"type":"integer","minimum":0}}}"#
 );
 
-/// [`super::FrameMetadata`].
+/// [`evrig_core::pi_camera::FrameMetadata`].
 pub(super) const FRAME_METADATA: &str = r#"{"title":"evrig.FrameMetadata","type":"object","properties":{"sequence":{"type":"integer"},"sensor_timestamp_ns":{"type":"integer"},"frame_wall_clock_ns":{"type":["integer","null"]},"real_time_ns":{"type":"integer"},"exposure_ns":{"type":"integer"},"analogue_gain":{"type":"number"},"digital_gain":{"type":"number"},"lens_position":{"type":["number","null"]},"black_levels":{"type":"array","items":{"type":"integer"}},"size":{"type":"object","properties":{"width":{"type":"integer"},"height":{"type":"integer"}}},"bayer":{"type":"string"},"n_dropped":{"type":"integer"}}}"#;
 
 /// [`super::ClockExchange`].
