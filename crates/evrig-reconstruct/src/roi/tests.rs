@@ -263,12 +263,12 @@ fn a_rig_that_names_the_wrong_tag_is_told_which_one_is_there() {
     let (fates, result) = show(&rig(), &still(&TagCells::tag36h11(1), [170.3, 120.8]));
     assert_eq!(fates, [Some(LossReason::OtherId); 5]);
     let message = result.unwrap_err().to_string();
-    assert!(message.contains("tag36h11 id 0 makes no track in 5 frames"), "{message}");
-    assert!(message.contains("seen instead: tag36h11 id 1 in 5"), "{message}");
+    assert!(message.contains("tag36h11 id 0 cannot be tracked in 5 frames"), "{message}");
+    assert!(message.contains("detected instead: tag36h11 id 1 in 5"), "{message}");
     let (fates, result) = show(&rig(), &still(&TagCells::tag25h9(), [170.3, 120.8]));
     assert_eq!(fates, [Some(LossReason::NotFound); 5]);
     let message = result.unwrap_err().to_string();
-    assert!(message.contains("seen instead: tag25h9 id 0 in 5"), "{message}");
+    assert!(message.contains("detected instead: tag25h9 id 0 in 5"), "{message}");
     let mut unknown = rig();
     unknown.target.tag_family = "tag99h9".into();
     let error = Tracker::<Davis>::new(&unknown.target, &unknown.davis.camera, options());
