@@ -48,7 +48,11 @@ fn a_run_keeps_its_records_is_not_overwritten_and_resumes_with_its_own_plan() {
     assert!(stderr(&again).contains("--resume"), "{}", stderr(&again));
     let other = evrig(&[STOPPED, &["--resume", "--seed", "9"]].concat(), &out);
     assert_eq!(other.status.code(), Some(1));
-    assert!(stderr(&other).contains("`seed` is 1 in the folder and 9 in this call"), "{}", stderr(&other));
+    assert!(
+        stderr(&other).contains("`seed` is 1 in the folder and 9 in this call"),
+        "{}",
+        stderr(&other)
+    );
 
     // A killed run lacks at most the record of one trial.
     std::fs::remove_file(out.join("trials/plasmode-001.json")).unwrap();
