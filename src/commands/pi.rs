@@ -12,7 +12,7 @@ use evrig_pi::keys;
 use evrig_pi::order::CaptureSettings;
 use evrig_pi::picamera::Picamera;
 use evrig_pi::read_clocks;
-use evrig_pi::serve::{SERVING, ServeOptions, ServedCamera};
+use evrig_pi::serve::{SERVING, ServeError, ServeOptions, ServedCamera};
 use evrig_pi::source::{FrameSource, Synthetic};
 use evrig_record::host_clock;
 use evrig_session::rig::Rig;
@@ -24,13 +24,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
-    let camera: Box<dyn FrameSource> = match args.camera {
-        PiCameraArg::Picamera2 => Box::new(Picamera::new(&args.python)),
-        PiCameraArg::Synthetic => Box::new(Synthetic::paced()),
-    };
-    if let Some(address) = args.events {
-        return generate_here(args, address, camera, output);
-    }
     let PiArgs { listen, keys, spool, spool_gb, .. } = args;
     let options = ServeOptions {
         listen: *listen,
@@ -38,13 +31,15 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
         spool: spool.clone(),
         spool_gb: *spool_gb,
     };
-    let served = ServedCamera::open(&options, camera).map_err(|error| {
-        if error.is_wrong_use() {
-            WrongUse(error.to_string()).into()
-        } else {
-            anyhow::Error::from(error)
-        }
-    })?;
+    options.check_spool_size().map_err(refused_to_serve)?;
+    let camera: Box<dyn FrameSource> = match args.camera {
+        PiCameraArg::Picamera2 => Box::new(Picamera::new(&args.python)),
+        PiCameraArg::Synthetic => Box::new(Synthetic::paced()),
+    };
+    if let Some(address) = args.events {
+        return generate_here(args, address, camera, output);
+    }
+    let served = ServedCamera::open(&options, camera).map_err(refused_to_serve)?;
     match &served.camera {
         Ok(camera) => output.say(format_args!("camera: {camera}")),
         Err(error) => output.warn(error),
@@ -53,6 +48,10 @@ pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
     output.say(SERVING);
     served.wait();
     Ok(Ending::Done)
+}
+
+fn refused_to_serve(error: ServeError) -> anyhow::Error {
+    if error.is_wrong_use() { WrongUse(error.to_string()).into() } else { error.into() }
 }
 
 /// Events from the camera of this machine, until Ctrl-C or the time is over.

@@ -39,16 +39,7 @@ pub(super) fn record(args: &RecordArgs, output: &Output) -> anyhow::Result<Endin
         world: &world,
         seed: args.seed,
     };
-    let operator = Operator::listen()?;
-    let terminal = prompt::Terminal::here(args.yes);
-    let work = RecordingRun {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        operator,
-        terminal,
-        output,
-    };
+    let work = RecordingRun::new((&rig, &trajectory, &path), args.yes, output)?;
     if !work.may_move() {
         return Ok(Ending::Aborted);
     }
@@ -102,22 +93,24 @@ pub(super) fn simulated(
     let world = world(world_file)?;
     let start = path.start();
     let opening = OpenOptions { replay_speed: Some(1.0), home: false, start, world: &world, seed };
-    let (operator, terminal) = (Operator::listen()?, prompt::Terminal::here(false));
-    let work = RecordingRun {
-        rig: &rig,
-        trajectory: &trajectory,
-        path: &path,
-        operator,
-        terminal,
-        output,
-    };
+    let work = RecordingRun::new((&rig, &trajectory, &path), false, output)?;
     if !work.may_move() {
         return Ok(None);
     }
     work.take(out, &opening, None).map(Some)
 }
 
-impl RecordingRun<'_> {
+impl<'a> RecordingRun<'a> {
+    /// Listens to the operator; prompts are answered beforehand with `yes`.
+    fn new(
+        (rig, trajectory, path): (&'a Rig, &'a Trajectory, &'a ToolPath),
+        yes: bool,
+        output: &'a Output,
+    ) -> anyhow::Result<Self> {
+        let (operator, terminal) = (Operator::listen()?, prompt::Terminal::here(yes));
+        Ok(Self { rig, trajectory, path, operator, terminal, output })
+    }
+
     /// Records what a series still lacks; what the operator ends, or what fails, ends the series
     /// too.
     fn take_all(&self, mut list: RunList, opening: &OpenOptions<'_>) -> anyhow::Result<Ending> {

@@ -25,6 +25,18 @@ pub struct ServeOptions {
     pub spool_gb: f64,
 }
 
+impl ServeOptions {
+    /// Checks the size of the spool, which is stated even where nothing is spooled.
+    ///
+    /// # Errors
+    /// When it is not above 0 and at most 1e5 gigabytes.
+    pub fn check_spool_size(&self) -> Result<(), ServeError> {
+        let found = self.spool_gb;
+        let is_valid = found > 0.0 && found <= 1e5;
+        if is_valid { Ok(()) } else { Err(ServeError::SpoolSize { found }) }
+    }
+}
+
 /// Why no camera is served.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
@@ -86,9 +98,7 @@ impl ServedCamera {
         mut camera: Box<dyn FrameSource>,
     ) -> Result<Self, ServeError> {
         let ServeOptions { listen, keys, spool, spool_gb } = options;
-        if !(*spool_gb > 0.0 && *spool_gb <= 1e5) {
-            return Err(ServeError::SpoolSize { found: *spool_gb });
-        }
+        options.check_spool_size()?;
         let mut service = Service::local(*listen);
         service.keys = keys.as_deref().map(Keys::read).transpose()?;
         if let Some(directory) = spool {
