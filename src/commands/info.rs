@@ -143,8 +143,7 @@ impl StreamInfo {
 }
 
 fn text(manifest: &Manifest, streams: &[StreamInfo]) -> String {
-    let mut text =
-        format!("{} ({:?}), made {}\n", manifest.name, manifest.status, manifest.created);
+    let mut text = format!("{} ({}), made {}\n", manifest.name, manifest.status, manifest.created);
     let _ = writeln!(
         text,
         "{:<14} {:<9} {:>12} {:>10} {:>12} {:>12}  {:<9}  from",

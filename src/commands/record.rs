@@ -181,11 +181,11 @@ impl<'a> RecordingRun<'a> {
             dwells: Dwells::default(),
             prompts,
         };
-        let mut said = None;
+        let mut message = None;
         let mut watch = |state: RecordState, share: f64| {
             bar.set_position((share * 1000.0) as u64);
-            if said != Some(state) {
-                said = Some(state);
+            if message != Some(state) {
+                message = Some(state);
                 bar.set_message(state.to_string());
                 output.detail(state);
             }
@@ -214,7 +214,7 @@ fn summarise(
         output.warn(format_args!("{}: {} ({})", loss.stream, loss.what, loss.count));
     }
     let verdict = if holds { "verified" } else { "does NOT verify" };
-    let _ = write!(text, "{}: {:?}, {verdict}", out.display(), manifest.status);
+    let _ = write!(text, "{}: {}, {verdict}", out.display(), manifest.status);
     let value = json!({
         "schema": "evrig.record/1", "session": out, "status": manifest.status, "holds": holds,
         "cut_short": outcome.cut_short, "streams": manifest.streams, "losses": manifest.losses,

@@ -18,6 +18,17 @@ pub enum StopRequest {
     AtOnce = 3,
 }
 
+impl std::fmt::Display for StopRequest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::No => "go on",
+            Self::AfterStep => "end after the current step",
+            Self::Park => "stop and park",
+            Self::AtOnce => "stop immediately",
+        })
+    }
+}
+
 /// Stops an arm immediately from any thread, without a lock or an allocation.
 pub trait EmergencyStop: Send + Sync + std::fmt::Debug {
     /// Stops the arm; nothing moves it afterwards. May be called repeatedly.

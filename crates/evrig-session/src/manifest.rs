@@ -124,6 +124,16 @@ pub enum SessionStatus {
     Recovered,
 }
 
+impl std::fmt::Display for SessionStatus {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Complete => "complete",
+            Self::Aborted => "aborted",
+            Self::Recovered => "recovered",
+        })
+    }
+}
+
 /// Kind of a stream's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

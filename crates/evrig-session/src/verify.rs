@@ -106,34 +106,33 @@ fn compare_log(
         Err(error) => return verification.fail(&entry.name, error.to_string()),
     };
     let found = held.topics.iter().find(|found| rig_log::stream_names(found.topic).0 == entry.name);
-    let there = found.map(|found| (found.count, found.first_us, found.last_us));
-    let recorded = (entry.count, entry.first_us, entry.last_us);
-    match there {
-        Some(there) if there == recorded => verification.hold(
-            &entry.name,
-            format!("{} {}, first and last log time as recorded", entry.count, entry.kind),
-        ),
-        there => verification.fail(
-            &entry.name,
-            format!("(count, first us, last us) {recorded:?} were recorded, {there:?} are there"),
-        ),
-    }
+    let there = found.map_or((0, None, None), |it| (it.count, it.first_us, it.last_us));
+    compare_extent(entry, "log time", there, verification);
 }
 
 fn compare_counts(entry: &StreamEntry, found: &StreamCounts, verification: &mut Verification) {
-    let recorded = (entry.count, entry.first_us, entry.last_us);
     let there = (found.count, found.first_us, found.last_us);
+    compare_extent(entry, "stamp", there, verification);
+}
+
+/// Compares the number of samples with their first and last times, microseconds.
+fn compare_extent(
+    entry: &StreamEntry,
+    time: &str,
+    there: (u64, Option<i64>, Option<i64>),
+    verification: &mut Verification,
+) {
+    let recorded = (entry.count, entry.first_us, entry.last_us);
     if recorded == there {
-        verification.hold(
-            &entry.name,
-            format!("{} {}, first and last stamp as recorded", entry.count, entry.kind),
-        );
-    } else {
-        verification.fail(
-            &entry.name,
-            format!("(count, first us, last us) {recorded:?} were recorded, {there:?} are there"),
-        );
+        let text = format!("{} {}, first and last {time} as recorded", entry.count, entry.kind);
+        return verification.hold(&entry.name, text);
     }
+    let text = |(count, first, last): (u64, Option<i64>, Option<i64>)| {
+        let us = |time: Option<i64>| time.map_or("none".to_owned(), |time| time.to_string());
+        format!("{count}, first at {} us, last at {} us", us(first), us(last))
+    };
+    let text = format!("recorded were {}; found {}", text(recorded), text(there));
+    verification.fail(&entry.name, text);
 }
 
 fn compare_array(path: &Path, entry: &StreamEntry, verification: &mut Verification) {

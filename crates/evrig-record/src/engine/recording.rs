@@ -11,7 +11,7 @@ use serde_json::Value;
 /// Why a state was left early.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum EndCause {
-    #[error("the operator asked for it ({0:?})")]
+    #[error("the operator requested to {0}")]
     Asked(StopRequest),
     #[error(transparent)]
     Arm(#[from] DeviceError),
