@@ -3,6 +3,7 @@
 use super::CalibrateError;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
+use evrig_core::stats::SplitMix;
 
 /// Side of the square tiles for split and clustered errors, pixels.
 pub const TILE: u16 = 8;
@@ -55,7 +56,7 @@ impl BrightnessSeriesBuilder {
         let per_tile = u64::from(TILE) * u64::from(TILE) * n_frames.max(1);
         let n_fit = usize::try_from((MAX_SAMPLES / per_tile).max(2)).unwrap_or(usize::MAX);
         if n_fit < tiles.len() {
-            tiles.sort_by_key(|&tile| shuffled(seed, u64::from(tile)));
+            tiles.sort_by_key(|&tile| SplitMix::new(seed, u64::from(tile)).bits());
             tiles.truncate(n_fit);
         }
         let is_chosen: std::collections::HashSet<u32> = tiles.into_iter().collect();
@@ -156,7 +157,7 @@ impl BrightnessSeries {
         let mut slots: Vec<u32> = (0..self.pixels.len() as u32).filter(mine).collect();
         if slots.len() > most {
             let tile = |slot: u32| u64::from(self.tile(self.pixels[slot as usize]));
-            slots.sort_by_cached_key(|&slot| (shuffled(seed, tile(slot)), slot));
+            slots.sort_by_cached_key(|&slot| (SplitMix::new(seed, tile(slot)).bits(), slot));
             slots.truncate(most);
         }
         slots
@@ -185,14 +186,6 @@ pub(super) fn part_of(size: Size, pixel: u32) -> TileSubset {
     let (x, y) = (pixel % u32::from(size.width), pixel / u32::from(size.width));
     let is_even = (x / u32::from(TILE) + y / u32::from(TILE)).is_multiple_of(2);
     if is_even { TileSubset::Train } else { TileSubset::HeldOut }
-}
-
-/// Hash of a seed and a number (finaliser of SplitMix64, Steele et al. 2014).
-pub(super) fn shuffled(seed: u64, n: u64) -> u64 {
-    let mut z = seed.wrapping_add((n + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

@@ -214,17 +214,18 @@ fn divergence(one: &Cloud, other: &Cloud) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::brightness::shuffled;
     use super::*;
     use evrig_core::event::Event;
+    use evrig_core::stats::SplitMix;
 
     fn cloud(shift: f64, on: bool) -> Cloud {
         // Corner events fix the scale of the axes; the rest lies about one place.
         let corners = [(0, 0, 0), (10_000, 100, 100)].map(|(t, x, y)| Event { t, x, y, on });
-        let rest = (0..4_000).map(|i: u16| {
-            let place = |n: u64, low: f64| low + (shuffled(n, u64::from(i)) % 1_000) as f64 * 3e-4;
-            let (x, y) = ((100.0 * (place(1, 0.1) + shift)) as u16, (100.0 * place(2, 0.3)) as u16);
-            Event { t: (1e4 * place(3, 0.2)) as i64, x, y, on }
+        let mut random = SplitMix::new(1, 0);
+        let rest = (0..4_000).map(|_| {
+            let mut place = |low: f64| random.between(low, low + 0.3);
+            let (x, y) = ((100.0 * (place(0.1) + shift)) as u16, (100.0 * place(0.3)) as u16);
+            Event { t: (1e4 * place(0.2)) as i64, x, y, on }
         });
         let mut events: Events = corners.into_iter().chain(rest).collect();
         events.sort_by_time();

@@ -22,12 +22,11 @@
 //! [`super::passage_fit`] has none of these.
 
 use super::bins::{BinFit, Bins};
-use super::brightness::shuffled;
 use super::estimate::Constant;
 use super::least_squares::weighted;
 use super::{BrightnessSeries, CalibrateError};
 use crate::calibrate::passage::Passage;
-use evrig_core::stats::Moments;
+use evrig_core::stats::{Moments, SplitMix};
 use serde::{Deserialize, Serialize};
 
 /// Bootstrap replicates.
@@ -116,9 +115,8 @@ fn errors(bins: &Bins, seed: u64) -> [f64; 8] {
     let mut moments = [Moments::default(); 8];
     for number in 0..N_RESAMPLINGS {
         let mut weights = vec![0.0; n];
-        for draw in 0..n as u64 {
-            weights[(shuffled(seed ^ number.rotate_left(32), draw) % n as u64) as usize] += 1.0;
-        }
+        let mut random = SplitMix::new(seed, number);
+        (0..n).for_each(|_| weights[random.below(n)] += 1.0);
         let points = bins.fit(&weights);
         if let Some(solution) = solve(&points, &lines(&points)) {
             solution.iter().zip(&mut moments).for_each(|(value, moment)| moment.push(*value));
