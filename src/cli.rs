@@ -32,7 +32,7 @@ pub use import::{
     ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
 };
 pub use live::{LiveArgs, LiveGenerationArgs, LiveLight};
-pub use pi::{PairArgs, PiArgs, PiCameraArg};
+pub use pi::{PairArgs, PiArgs};
 pub use plan::PlanArgs;
 pub use prove::ProveArgs;
 pub use record::RecordArgs;

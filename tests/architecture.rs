@@ -248,7 +248,7 @@ fn printing_clap_and_anyhow_stay_in_the_commands() {
         let is_program = source.path.ends_with("src/main.rs");
         let bans: &[&str] = match top.as_str() {
             "commands" if is_root => &[],
-            "cli" if is_root => &["anyhow::", "println!", "eprintln!"],
+            "cli" => &["anyhow::", "println!", "eprintln!"],
             _ if is_program => &["anyhow::"],
             _ => &["anyhow::", "clap::", "println!", "eprintln!", "print!(", "dbg!("],
         };

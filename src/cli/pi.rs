@@ -1,7 +1,8 @@
 //! `pi` and `pair`: the agent on the Raspberry Pi, and its keys.
 
 use super::live::{LiveGenerationArgs, LiveLight};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use evrig_pi::cli::ServeOptions;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -15,29 +16,9 @@ use std::path::PathBuf;
     Beyond this machine it needs keys: see `evrig pair`. The camera needs Raspberry Pi OS with\n\
     python3-picamera2.")]
 pub struct PiArgs {
-    /// Where to listen; beyond loopback only with keys
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7766")]
-    pub listen: SocketAddr,
-
-    /// The `agent` half of a pair of keys
-    #[arg(long, value_name = "DIR")]
-    pub keys: Option<PathBuf>,
-
-    /// Buffer for frames that the network cannot carry in time, and for RGB frames until the recording ends
-    #[arg(long, value_name = "DIR")]
-    pub spool: Option<PathBuf>,
-
-    /// Size limit of the spool, gigabytes
-    #[arg(long, value_name = "GB", default_value_t = 8.0)]
-    pub spool_gb: f64,
-
-    /// Where frames come from
-    #[arg(long, value_enum, default_value_t = PiCameraArg::Picamera2)]
-    pub camera: PiCameraArg,
-
-    /// Python interpreter with picamera2
-    #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
-    pub python: PathBuf,
+    /// The camera, and where it is served.
+    #[command(flatten)]
+    pub serve: ServeOptions,
 
     /// Generate events from the camera's frames here and serve them as AEDAT4 over TCP, instead of
     /// serving the frames
@@ -59,15 +40,6 @@ pub struct PiArgs {
     /// The generator of events.
     #[command(flatten)]
     pub generation: LiveGenerationArgs,
-}
-
-/// A camera of the agent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PiCameraArg {
-    /// The Pi's own
-    Picamera2,
-    /// A test pattern that encodes frame, column and row
-    Synthetic,
 }
 
 /// Arguments of `evrig pair`.

@@ -2,7 +2,7 @@
 
 use super::plan::refused;
 use super::{Ending, Output, WrongUse};
-use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs, PiCameraArg};
+use crate::cli::{LiveGenerationArgs, LiveLight, PairArgs, PiArgs};
 use crate::live::{Generation, GenerationSettings, GenerationTally, PiLight};
 use evrig_core::geometry::Size;
 use evrig_core::time::Span;
@@ -10,10 +10,9 @@ use evrig_device::pi::pairing;
 use evrig_generate::input::FramePreparation;
 use evrig_pi::keys;
 use evrig_pi::order::CaptureSettings;
-use evrig_pi::picamera::Picamera;
 use evrig_pi::read_clocks;
-use evrig_pi::serve::{SERVING, ServeError, ServeOptions, ServedCamera};
-use evrig_pi::source::{FrameSource, Synthetic};
+use evrig_pi::serve::{SERVING, ServeError, ServedCamera, check_spool_size};
+use evrig_pi::source::FrameSource;
 use evrig_record::host_clock;
 use evrig_session::rig::Rig;
 use serde_json::json;
@@ -24,22 +23,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 pub(super) fn pi(args: &PiArgs, output: &Output) -> anyhow::Result<Ending> {
-    let PiArgs { listen, keys, spool, spool_gb, .. } = args;
-    let options = ServeOptions {
-        listen: *listen,
-        keys: keys.clone(),
-        spool: spool.clone(),
-        spool_gb: *spool_gb,
-    };
-    options.check_spool_size().map_err(refused_to_serve)?;
-    let camera: Box<dyn FrameSource> = match args.camera {
-        PiCameraArg::Picamera2 => Box::new(Picamera::new(&args.python)),
-        PiCameraArg::Synthetic => Box::new(Synthetic::paced()),
-    };
+    check_spool_size(&args.serve).map_err(refused_to_serve)?;
     if let Some(address) = args.events {
-        return generate_here(args, address, camera, output);
+        return generate_here(args, address, args.serve.source(), output);
     }
-    let served = ServedCamera::open(&options, camera).map_err(refused_to_serve)?;
+    let served = ServedCamera::open(&args.serve).map_err(refused_to_serve)?;
     match &served.camera {
         Ok(camera) => output.say(format_args!("camera: {camera}")),
         Err(error) => output.warn(error),

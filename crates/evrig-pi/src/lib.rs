@@ -11,6 +11,7 @@
 //! of keys (`evrig pair`); without keys the agent listens on the loopback interface only.
 
 pub mod agent;
+pub mod cli;
 pub mod coding;
 pub mod discipline;
 pub mod keys;

@@ -1,12 +1,9 @@
 //! `evrig-pi`: serves the camera of a Raspberry Pi until Ctrl-C.
 
-use clap::{Parser, ValueEnum};
-use evrig_pi::picamera::Picamera;
-use evrig_pi::serve::{SERVING, ServeError, ServeOptions, ServedCamera};
-use evrig_pi::source::{FrameSource, Synthetic};
+use clap::Parser;
+use evrig_pi::cli::ServeOptions;
+use evrig_pi::serve::{SERVING, ServeError, ServedCamera};
 use std::io::Write;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Serves the camera of a Raspberry Pi to evrig
@@ -19,29 +16,8 @@ use std::process::ExitCode;
     Beyond this machine it needs keys, which `evrig pair` makes on the host. The camera needs\n\
     Raspberry Pi OS with python3-picamera2. Exit codes: 0 done, 1 failed, 2 wrong use.")]
 struct Args {
-    /// Where to listen; beyond loopback only with keys
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7766")]
-    listen: SocketAddr,
-
-    /// The `agent` half of a pair of keys
-    #[arg(long, value_name = "DIR")]
-    keys: Option<PathBuf>,
-
-    /// Where frames wait that the network is too slow for, and RGB frames until the take is over
-    #[arg(long, value_name = "DIR")]
-    spool: Option<PathBuf>,
-
-    /// How much the spool may hold, gigabytes
-    #[arg(long, value_name = "GB", default_value_t = 8.0)]
-    spool_gb: f64,
-
-    /// Where frames come from
-    #[arg(long, value_enum, default_value_t = CameraArg::Picamera2)]
-    camera: CameraArg,
-
-    /// The Python that has picamera2
-    #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
-    python: PathBuf,
+    #[command(flatten)]
+    serve: ServeOptions,
 
     /// Print the address as JSON
     #[arg(long)]
@@ -50,14 +26,6 @@ struct Args {
     /// Print nothing on stderr but warnings and errors
     #[arg(short, long)]
     quiet: bool,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum CameraArg {
-    /// The Pi's own
-    Picamera2,
-    /// A pattern that identifies frame, column and row
-    Synthetic,
 }
 
 fn main() -> ExitCode {
@@ -72,12 +40,8 @@ fn main() -> ExitCode {
 
 // A failed write is a closed pipe, which is the reader's choice.
 fn serve(args: Args) -> Result<(), ServeError> {
-    let Args { listen, keys, spool, spool_gb, camera, python, json, quiet } = args;
-    let camera: Box<dyn FrameSource> = match camera {
-        CameraArg::Picamera2 => Box::new(Picamera::new(&python)),
-        CameraArg::Synthetic => Box::new(Synthetic::paced()),
-    };
-    let served = ServedCamera::open(&ServeOptions { listen, keys, spool, spool_gb }, camera)?;
+    let Args { serve, json, quiet } = args;
+    let served = ServedCamera::open(&serve)?;
     let mut stderr = std::io::stderr();
     let _ = match &served.camera {
         Ok(_) if quiet => Ok(()),

@@ -1,41 +1,16 @@
 //! Serving a camera until a signal ends it, as `evrig-pi` and `evrig pi` do.
 
 use crate::agent::{Agent, AgentError, Service, Spool};
+use crate::cli::ServeOptions;
 use crate::keys::{Keys, KeysError};
-use crate::source::{FrameSource, SourceError};
+use crate::source::SourceError;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::io;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// What users read once the address is known.
 pub const SERVING: &str = "serves the camera there to one recorder at a time; Ctrl-C ends it";
-
-/// How a camera is served, as the command line states it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ServeOptions {
-    /// Where the agent listens.
-    pub listen: SocketAddr,
-    /// The agent's directory of keys; without it the address must be of the loopback interface.
-    pub keys: Option<PathBuf>,
-    /// A directory for frames that wait for the network.
-    pub spool: Option<PathBuf>,
-    /// How much the spool may hold, 1e9 bytes.
-    pub spool_gb: f64,
-}
-
-impl ServeOptions {
-    /// Checks the size of the spool, which is stated even where nothing is spooled.
-    ///
-    /// # Errors
-    /// When it is not above 0 and at most 1e5 gigabytes.
-    pub fn check_spool_size(&self) -> Result<(), ServeError> {
-        let found = self.spool_gb;
-        let is_valid = found > 0.0 && found <= 1e5;
-        if is_valid { Ok(()) } else { Err(ServeError::SpoolSize { found }) }
-    }
-}
 
 /// Why no camera is served.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +51,16 @@ impl ServeError {
     }
 }
 
+/// Checks the size of the spool, which is stated even where nothing is spooled.
+///
+/// # Errors
+/// When it is not above 0 and at most 1e5 gigabytes.
+pub fn check_spool_size(options: &ServeOptions) -> Result<(), ServeError> {
+    let found = options.spool_gb;
+    let is_valid = found > 0.0 && found <= 1e5;
+    if is_valid { Ok(()) } else { Err(ServeError::SpoolSize { found }) }
+}
+
 /// A camera that is served until [`ServedCamera::wait`] returns.
 #[derive(Debug)]
 pub struct ServedCamera {
@@ -93,12 +78,10 @@ impl ServedCamera {
     ///
     /// # Errors
     /// Wrong options, unusable keys, or an address that is taken or needs keys.
-    pub fn open(
-        options: &ServeOptions,
-        mut camera: Box<dyn FrameSource>,
-    ) -> Result<Self, ServeError> {
-        let ServeOptions { listen, keys, spool, spool_gb } = options;
-        options.check_spool_size()?;
+    pub fn open(options: &ServeOptions) -> Result<Self, ServeError> {
+        let ServeOptions { listen, keys, spool, spool_gb, .. } = options;
+        check_spool_size(options)?;
+        let mut camera = options.source();
         let mut service = Service::local(*listen);
         service.keys = keys.as_deref().map(Keys::read).transpose()?;
         if let Some(directory) = spool {
