@@ -73,6 +73,16 @@ impl RecordSetup {
         stop: &StopToken,
         watch: &mut dyn FnMut(RecordState, f64),
     ) -> Result<RecordOutcome, RecordError> {
+        self.record_with(out, &mut self.devices(davis), stop, watch)
+    }
+
+    fn record_with(
+        &self,
+        out: &Path,
+        devices: &mut Devices,
+        stop: &StopToken,
+        watch: &mut dyn FnMut(RecordState, f64),
+    ) -> Result<RecordOutcome, RecordError> {
         let path = self.trajectory.path(&self.rig, OptionalSegments::Included).unwrap();
         let (rig, trajectory) = (&self.rig, &self.trajectory);
         let request = RecordRequest {
@@ -83,7 +93,7 @@ impl RecordSetup {
             dwells: NO_DWELLS,
             prompts: Prompts::default(),
         };
-        record(request, &mut self.devices(davis), stop, watch)
+        record(request, devices, stop, watch)
     }
 }
 
@@ -230,7 +240,7 @@ fn unplugging_the_event_camera_seals_the_session_as_aborted() {
     assert_eq!(session.manifest().status, SessionStatus::Aborted);
     assert_eq!(count(&session, "real", StreamKind::Events), 1);
     assert!(session.manifest().losses.iter().any(|loss| loss.stream == "davis"));
-    assert!(!setup.emulator.state().is_busy, "the arm stands still");
+    assert!(!setup.emulator.state().is_busy, "the arm is at rest");
 }
 
 #[test]
@@ -268,17 +278,8 @@ fn an_absent_agent_is_reported_before_anything_moves_or_is_created() {
         Box::new(NetworkPi::local(&address.to_string(), settings(), PiTimeouts::default()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("session");
-    let path = setup.trajectory.path(&setup.rig, OptionalSegments::Included).unwrap();
-    let (rig, trajectory) = (&setup.rig, &setup.trajectory);
-    let request = RecordRequest {
-        rig,
-        trajectory,
-        path: &path,
-        out: &out,
-        dwells: NO_DWELLS,
-        prompts: Prompts::default(),
-    };
-    let error = record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap_err();
+    let error =
+        setup.record_with(&out, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap_err();
     assert!(error.to_string().contains("evrig pi"), "{error}");
     assert!(!out.exists());
 }
@@ -308,17 +309,7 @@ fn rgb_frames_fetched_after_the_take_are_stored_with_their_raw_frames() {
     let mut devices = setup.devices(replay());
     devices.recorders[1] = Box::new(NetworkPi::new(reach, order, PiTimeouts::default()));
     let out = folder.path().join("session");
-    let path = setup.trajectory.path(&setup.rig, OptionalSegments::Included).unwrap();
-    let (rig, trajectory) = (&setup.rig, &setup.trajectory);
-    let request = RecordRequest {
-        rig,
-        trajectory,
-        path: &path,
-        out: &out,
-        dwells: NO_DWELLS,
-        prompts: Prompts::default(),
-    };
-    record(request, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap();
+    setup.record_with(&out, &mut devices, &StopToken::default(), &mut |_, _| ()).unwrap();
     let session = Session::open(&out).unwrap();
     assert_verifies(&session);
     for (name, kind) in [

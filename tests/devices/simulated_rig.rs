@@ -14,7 +14,7 @@ use evrig::session::{ClockExchange, Manifest, Session, SessionStatus, StreamKind
 use evrig::sim::world::WorldDescription;
 use evrig::trajectory::{OptionalSegments, Trajectory};
 use serde_json::Value;
-use small_rig::small_rig;
+use small_rig::{small_rig, small_trajectory};
 use std::path::Path;
 use std::time::Duration;
 
@@ -33,35 +33,12 @@ fn rig() -> Rig {
 }
 
 /// Rest, three millimetres to the right, dimmed rest.
-const TRAJECTORY: &str = r#"
-schema = "evrig.trajectory/1"
-name = "nudge"
-plane = "image"
-[start]
-x_mm = 270.0
-y_mm = 0.0
-z_mm = 100.0
-r_deg = 90.0
-[rates]
-speed_mm_per_s = 20.0
-acceleration_mm_per_s2 = 400.0
-[[segment]]
-kind = "dwell"
-label = "before"
-duration_s = 0.3
-[[segment]]
-kind = "line"
-label = "there"
-by_mm = [3.0, 0.0]
-[[segment]]
-kind = "dwell"
-label = "dimmed"
-duration_s = 0.3
-set = { light_level = 0.5 }
-"#;
-
 fn trajectory() -> Trajectory {
-    Trajectory::parse("nudge.toml", TRAJECTORY).unwrap()
+    small_trajectory(&[
+        ("dwell", "before", "duration_s = 0.3"),
+        ("line", "there", "by_mm = [3.0, 0.0]"),
+        ("dwell", "dimmed", "duration_s = 0.3\nset = { light_level = 0.5 }"),
+    ])
 }
 
 fn opening<'a>(world: &'a WorldDescription, rig: &Rig) -> OpenOptions<'a> {
@@ -257,7 +234,7 @@ fn a_simulated_session_contains_rig_and_trajectory_but_no_world_parameters() {
     let manifest = simulate_to(&out, effects, 2);
     let recording = manifest.recording.as_ref().unwrap();
     assert_eq!(recording.rig, rig().text);
-    assert_eq!(recording.trajectory, TRAJECTORY);
+    assert_eq!(recording.trajectory, trajectory().text);
     for file in ["session.json", "journal.jsonl", "rig.mcap", "davis.aedat4"] {
         let bytes = std::fs::read(out.join(file)).unwrap();
         for hidden in ["refractory", "8765.4321", "0.23456789"] {

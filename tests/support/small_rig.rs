@@ -1,4 +1,4 @@
-//! The simulated rig with some values replaced, so that its frames are small and quick to render.
+//! The simulated rig and its paths, with frames that are small and quick to render.
 
 use evrig::pipeline::align;
 use evrig::rig::Rig;
@@ -29,10 +29,10 @@ pub(crate) fn small_rig(replaced: &[(&str, &str)]) -> Rig {
     Rig::parse("small.toml", &text).unwrap()
 }
 
-/// Rest, right, down, left, rest.
-const CORNER_PATH: &str = r#"
+/// What all small trajectories begin with.
+const PATH_START: &str = r#"
 schema = "evrig.trajectory/1"
-name = "corner"
+name = "small"
 plane = "image"
 [start]
 x_mm = 270.0
@@ -42,32 +42,27 @@ r_deg = 90.0
 [rates]
 speed_mm_per_s = 20.0
 acceleration_mm_per_s2 = 400.0
-[[segment]]
-kind = "dwell"
-label = "before"
-duration_s = 0.2
-[[segment]]
-kind = "line"
-label = "there"
-by_mm = [3.0, 0.0]
-[[segment]]
-kind = "line"
-label = "down"
-by_mm = [0.0, 2.0]
-[[segment]]
-kind = "line"
-label = "back"
-by_mm = [-3.0, 0.0]
-[[segment]]
-kind = "dwell"
-label = "after"
-duration_s = 0.2
 "#;
+
+/// A trajectory of segments: kind, label, and values in TOML.
+pub(crate) fn small_trajectory(segments: &[(&str, &str, &str)]) -> Trajectory {
+    let mut text = PATH_START.to_owned();
+    for (kind, label, values) in segments {
+        text += &format!("[[segment]]\nkind = \"{kind}\"\nlabel = \"{label}\"\n{values}\n");
+    }
+    Trajectory::parse("small.toml", &text).unwrap()
+}
 
 /// A path around a corner, which moves the tag along both axes.
 #[allow(dead_code)]
 pub(crate) fn corner_path() -> Trajectory {
-    Trajectory::parse("corner.toml", CORNER_PATH).unwrap()
+    small_trajectory(&[
+        ("dwell", "before", "duration_s = 0.2"),
+        ("line", "there", "by_mm = [3.0, 0.0]"),
+        ("line", "down", "by_mm = [0.0, 2.0]"),
+        ("line", "back", "by_mm = [-3.0, 0.0]"),
+        ("dwell", "after", "duration_s = 0.2"),
+    ])
 }
 
 /// A recording by both cameras in the simulated world described by `world`.
