@@ -4,7 +4,7 @@
 //! cargo run --example write_device
 //! ```
 //! A device keeps six promises ([`Recorder`]): it looks before it sets, `start` returns once samples
-//! flow, samples that find no room are counted, `finish` hands over what was under way, `abort` works
+//! flow, samples that do not fit are counted, `finish` hands over what was under way, `abort` works
 //! in any state. `CONTRIBUTING.md` states how to add its key to the rig file.
 
 #![allow(clippy::print_stdout)]
@@ -73,9 +73,9 @@ impl Recorder for Spot {
     }
 
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
-        let says =
+        let description =
             serde_json::json!({ "model": "spot", "columns": SIZE.width, "rows": SIZE.height });
-        Ok(PreparedRecorder { says, streams: vec![StreamSpec::events(SIZE, "spot")] })
+        Ok(PreparedRecorder { description, streams: vec![StreamSpec::events(SIZE, "spot")] })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
@@ -106,7 +106,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{}: {}", finding.subject, finding.description);
     }
     let prepared = spot.prepare()?;
-    println!("{} stream, {}", prepared.streams.len(), prepared.says);
+    println!("{} stream, {}", prepared.streams.len(), prepared.description);
     let (outlet, inlet) = channel(1 << 20);
     spot.start(outlet)?;
     for _ in 0..5 {

@@ -133,7 +133,7 @@ impl Recorder for Source {
     }
 
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
-        Ok(PreparedRecorder { says: serde_json::json!({}), streams: self.streams.clone() })
+        Ok(PreparedRecorder { description: serde_json::json!({}), streams: self.streams.clone() })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
@@ -241,13 +241,13 @@ fn davis(load: &Load, pace: Pace) -> Box<Source> {
     source("davis", vec![StreamSpec::events(size, "bench")], PACKET, (load, pace), make)
 }
 
-/// Frames of a pattern in which the number of the frame stands.
+/// Frames of a pattern that encodes the number of the frame.
 fn pi(load: &Load, pace: Pace) -> Box<Source> {
     let samples: Vec<u16> = (0..PI.n_pixels()).map(|i| (i % 1024) as u16).collect();
     let packed = raw10::pack(&samples, PI).unwrap();
     let rgb: Vec<u8> = (0..PI.n_pixels() * 3).map(|i| i as u8).collect();
     let stored: Vec<u8> = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
-    let pictures = Arc::new(Mutex::new((stored, rgb.clone())));
+    let images = Arc::new(Mutex::new((stored, rgb.clone())));
     let make = move |sequence: u64| {
         let arrived = host_time();
         let metadata = metadata(sequence, arrived.unix);
@@ -255,9 +255,9 @@ fn pi(load: &Load, pace: Pace) -> Box<Source> {
         let (mut packed, mut rgb) = (packed.clone(), rgb.clone());
         (packed[0], rgb[0]) = (sequence as u8, sequence as u8);
         let frame = PiFrame { metadata, raw10: Some(packed), rgb: Some(rgb) };
-        let pictures = Arc::clone(&pictures);
+        let images = Arc::clone(&images);
         let enter = move |sums: &mut Sums| {
-            let (stored, rgb) = &mut *pictures.lock().unwrap();
+            let (stored, rgb) = &mut *images.lock().unwrap();
             let first = u16::from(sequence as u8) << 2;
             stored[..2].copy_from_slice(&first.to_le_bytes());
             rgb[0] = sequence as u8;

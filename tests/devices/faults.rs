@@ -439,7 +439,7 @@ impl Recorder for SteppedClockCamera {
     }
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let streams = vec![StreamSpec::events(Size::DAVIS346, "DAVIS346_1")];
-        Ok(PreparedRecorder { says: serde_json::json!({}), streams })
+        Ok(PreparedRecorder { description: serde_json::json!({}), streams })
     }
     fn start(
         &mut self,

@@ -101,8 +101,8 @@ fn raw_and_rgb_of_one_request_show_the_same_crop_on_either_board_and_byte_order(
         }
         camera.stop();
         assert_eq!(camera.check().unwrap(), "imx708 through picamera2 0.0-standin");
-        let says = camera.says();
-        assert!(says["focus"].as_str().unwrap().contains("locked"), "{says}");
+        let description = camera.camera_description();
+        assert!(description["focus"].as_str().unwrap().contains("locked"), "{description}");
         // A second take of the same camera.
         camera.configure(&settings()).unwrap();
         camera.start().unwrap();

@@ -19,10 +19,10 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const PX_PER_MM: f64 = 9.5;
 const COLOURS: [[u8; 3]; 2] = [[200, 30, 40], [20, 90, 210]];
 
-fn pictures(folder: &Path) -> ImageList {
+fn images(folder: &Path) -> ImageList {
     for (n, colour) in COLOURS.into_iter().enumerate() {
-        let picture = image::RgbImage::from_pixel(20, 20, image::Rgb(colour));
-        picture.save(folder.join(format!("{n}.png"))).unwrap();
+        let image = image::RgbImage::from_pixel(20, 20, image::Rgb(colour));
+        image.save(folder.join(format!("{n}.png"))).unwrap();
     }
     std::fs::write(folder.join("list.csv"), "0.png,red\n1.png,blue\n").unwrap();
     ImageList::read(&folder.join("list.csv")).unwrap()
@@ -31,7 +31,7 @@ fn pictures(folder: &Path) -> ImageList {
 fn serve(folder: &Path, px_per_mm: Option<f64>) -> Stimulus {
     let rig = Rig::simulated().unwrap();
     let address = "127.0.0.1:0".parse().unwrap();
-    Stimulus::serve(address, &rig.target, pictures(folder), px_per_mm).unwrap()
+    Stimulus::serve(address, &rig.target, images(folder), px_per_mm).unwrap()
 }
 
 fn browser(folder: &Path, url: &str) -> Option<Browser> {
@@ -77,19 +77,19 @@ fn target_image_and_tag_are_drawn_to_scale_and_confirmed() {
     let target = Rig::simulated().unwrap().target;
     for (n, (label, colour)) in ["red", "blue"].into_iter().zip(COLOURS).enumerate() {
         next.store(n, Ordering::SeqCst);
-        let says = screen.prepare().unwrap().says;
-        assert_eq!((&says["label"], &says["index"]), (&json!(label), &json!(n)));
-        assert_eq!(says["shown"]["px_per_mm"], PX_PER_MM);
+        let description = screen.prepare().unwrap().description;
+        assert_eq!((&description["label"], &description["index"]), (&json!(label), &json!(n)));
+        assert_eq!(description["shown"]["px_per_mm"], PX_PER_MM);
         let shot = screenshot(&mut browser);
-        let picture = extent(&shot, |pixel| pixel == colour);
+        let image = extent(&shot, |pixel| pixel == colour);
         let tag = extent(&shot, |pixel| pixel == [0; 3]);
         let near = |a: f64, mm: f64| assert!((a - mm * PX_PER_MM).abs() <= 1.0, "{a} px, {mm} mm");
-        near(picture[2] - picture[0], target.picture_side.0);
-        near(picture[3] - picture[1], target.picture_side.0);
+        near(image[2] - image[0], target.picture_side.0);
+        near(image[3] - image[1], target.picture_side.0);
         near(tag[2] - tag[0], target.tag_side.0);
         near(tag[3] - tag[1], target.tag_side.0);
-        near(tag[0] - picture[2], target.gap.0);
-        assert_eq!(tag[3], picture[3], "the bottoms are aligned");
+        near(tag[0] - image[2], target.gap.0);
+        assert_eq!(tag[3], image[3], "the bottoms are aligned");
         assert!(finds_tag(&shot), "the tag is found as tag36h11 number 0");
     }
     // A page that does not fit is an error.
@@ -104,15 +104,15 @@ fn finds_tag(shot: &image::RgbImage) -> bool {
     use apriltag::{Detector, Family, Image};
     let grey = image::imageops::grayscale(shot);
     let (width, height) = (grey.width() as usize, grey.height() as usize);
-    let mut picture = Image::zeros_with_alignment(width, height, 96).unwrap();
-    let stride = picture.stride();
+    let mut image = Image::zeros_with_alignment(width, height, 96).unwrap();
+    let stride = image.stride();
     let rows = grey.as_raw().chunks(width);
-    for (row, bytes) in rows.zip(picture.as_slice_mut().chunks_mut(stride)) {
+    for (row, bytes) in rows.zip(image.as_slice_mut().chunks_mut(stride)) {
         bytes[..width].copy_from_slice(row);
     }
     let family: Family = Tag36h11::default().into();
     let mut detector = Detector::builder().add_family_bits(family, 1).build().unwrap();
-    let found = detector.detect(&picture);
+    let found = detector.detect(&image);
     found.len() == 1 && found[0].id() == 0 && found[0].hamming() == 0
 }
 
@@ -184,7 +184,7 @@ fn requests_of_other_hosts_and_pages_are_refused() {
     assert_eq!(status("GET /image/../list.csv HTTP/1.1\r\nHost: {host}\r\n\r\n"), "404");
     let rig = Rig::simulated().unwrap();
     let open = "0.0.0.0:0".parse().unwrap();
-    let refused = Stimulus::serve(open, &rig.target, pictures(folder.path()), None).unwrap_err();
+    let refused = Stimulus::serve(open, &rig.target, images(folder.path()), None).unwrap_err();
     assert!(refused.to_string().contains("reached from outside"));
 }
 

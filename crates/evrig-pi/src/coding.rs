@@ -1,13 +1,13 @@
-//! Lossless coding of the Pi's pictures, fast enough for a Pi.
+//! Lossless coding of the Pi's images, fast enough for a Pi.
 //!
-//! What makes a sensor's picture hard to shrink is its noise; what a coder can take out is what
+//! What makes a sensor's image hard to shrink is its noise; what a coder can take out is what
 //! neighbours have in common. A sample is predicted from its neighbours to the left and above (the
 //! median of left, above, and left + above - corner, as JPEG-LS does: ITU-T T.87, A.4.1), and
 //! Zstandard's first level codes the rests. A raw sample's neighbours are those of its own colour,
-//! two columns and two rows away. RGB becomes green and two differences to green first. A picture
+//! two columns and two rows away. RGB becomes green and two differences to green first. An image
 //! is cut into bands that know nothing of each other, so that all cores work on it.
 //!
-//! A coded picture is, for each band in order, a little-endian `u32` of bytes and a Zstandard
+//! A coded image is, for each band in order, a little-endian `u32` of bytes and a Zstandard
 //! frame.
 
 use evrig_core::geometry::Size;
@@ -15,21 +15,21 @@ use evrig_core::raw10::{self, Raw10Error};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Bands of a picture. Fixed, since both sides must cut alike; a Pi has four cores.
+/// Bands of an image. Fixed, since both sides must cut alike; a Pi has four cores.
 const N_BANDS: usize = 4;
 /// Zstandard's level. Higher ones take several times as long and gain one or two per cent on noise.
 const LEVEL: i32 = 1;
 
-/// Why bytes are no coded picture of a size, or a picture is none.
+/// Why bytes are no coded image of a size, or an image is none.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CodingError {
     /// The RAW10 around it.
     #[error(transparent)]
     Raw10(#[from] Raw10Error),
-    /// The picture to code has another length.
+    /// The image to code has another length.
     #[error("an RGB image of {size} has {expected} bytes, found {found}")]
     Length {
-        /// The picture's size.
+        /// The image's size.
         size: Size,
         /// Its bytes.
         expected: usize,
@@ -41,17 +41,17 @@ pub enum CodingError {
     Band {
         /// Which, from 0.
         band: usize,
-        /// The picture's size.
+        /// The image's size.
         size: Size,
         /// Expected and found.
         because: String,
     },
 }
 
-/// Codes a RAW10 picture without padding.
+/// Codes a RAW10 image without padding.
 ///
 /// # Errors
-/// When `packed` is not a picture of `size`.
+/// When `packed` is not an image of `size`.
 pub fn encode_raw10(packed: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let samples = raw10::unpack(packed, size, raw10::row_bytes(size.width)?)?;
     let width = usize::from(size.width);
@@ -74,10 +74,10 @@ pub fn encode_raw10(packed: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     gather(bands.collect(), size)
 }
 
-/// The RAW10 picture that was coded.
+/// The RAW10 image that was coded.
 ///
 /// # Errors
-/// When `coded` is not a coded picture of `size`.
+/// When `coded` is not a coded image of `size`.
 pub fn decode_raw10(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let width = usize::from(size.width);
     let parts = scatter(coded, size)?;
@@ -97,7 +97,7 @@ pub fn decode_raw10(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
 /// Codes R, G, B bytes, rows without padding.
 ///
 /// # Errors
-/// When `rgb` is not a picture of `size`.
+/// When `rgb` is not an image of `size`.
 pub fn encode_rgb(rgb: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let expected = 3 * size.n_pixels();
     if rgb.len() != expected {
@@ -126,7 +126,7 @@ pub fn encode_rgb(rgb: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
 /// The R, G, B bytes that were coded.
 ///
 /// # Errors
-/// When `coded` is not a coded picture of `size`.
+/// When `coded` is not a coded image of `size`.
 pub fn decode_rgb(coded: &[u8], size: Size) -> Result<Vec<u8>, CodingError> {
     let width = usize::from(size.width);
     let parts = scatter(coded, size)?;
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smooth_picture_shrinks_and_noise_does_not_grow_much() {
+    fn a_smooth_image_shrinks_and_noise_does_not_grow_much() {
         let size = Size::new(64, 64);
         let smooth: Vec<u16> = (0..size.n_pixels()).map(|at| (at % 64 + at / 64) as u16).collect();
         let packed = raw10::pack(&smooth, size).unwrap();
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_or_damaged_pictures_are_errors_that_say_where() {
+    fn cut_or_damaged_images_are_errors_that_state_where() {
         let size = Size::new(16, 16);
         let rgb: Vec<u8> = (0..3 * size.n_pixels()).map(|at| (at * 7) as u8).collect();
         let coded = encode_rgb(&rgb, size).unwrap();
@@ -333,7 +333,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pictures_come_back_bit_for_bit(
+        fn images_come_back_bit_for_bit(
             groups in 1_u16..12, height in 0_u16..30, seed in any::<u64>(), spread in 1_u16..1024,
         ) {
             let size = Size::new(groups * 4, height);

@@ -77,8 +77,11 @@ impl DisciplineReport {
             Err(_) => unknown(format!("chronyc did not answer within {PATIENCE:?}")),
             Ok(Err(error)) => unknown(format!("chronyc: {error}; install chrony")),
             Ok(Ok(output)) if !output.status.success() => {
-                let said = String::from_utf8_lossy(&output.stdout);
-                unknown(format!("chronyc: {}", said.trim().chars().take(200).collect::<String>()))
+                let message = String::from_utf8_lossy(&output.stdout);
+                unknown(format!(
+                    "chronyc: {}",
+                    message.trim().chars().take(200).collect::<String>()
+                ))
             }
             Ok(Ok(output)) => Self::parse(&String::from_utf8_lossy(&output.stdout)),
         }
@@ -143,7 +146,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_machine_without_chrony_says_so() {
+    async fn a_machine_without_chrony_states_it() {
         let DisciplineReport::Unknown { because } =
             DisciplineReport::ask_program("evrig-no-such").await
         else {

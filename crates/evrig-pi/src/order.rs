@@ -29,7 +29,7 @@ pub struct CaptureSettings {
 /// How frames travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Delivery {
-    /// How pictures are coded.
+    /// How images are coded.
     pub coding: Coding,
     /// When RGB frames travel.
     pub rgb: RgbDelivery,

@@ -49,10 +49,10 @@ struct ConfiguredCamera {
     raw: RawFormat,
     rgb: RgbOrder,
     frame_duration: Span,
-    says: Value,
+    description: Value,
     sequence: u64,
     last: Option<Stamp<PiSensor>>,
-    heard: Instant,
+    last_frame: Instant,
 }
 
 impl Picamera {
@@ -76,7 +76,7 @@ impl Picamera {
 
 impl FrameSource for Picamera {
     fn describe(&self) -> String {
-        let model = self.held.as_ref().and_then(|held| held.says.get("model")?.as_str());
+        let model = self.held.as_ref().and_then(|held| held.description.get("model")?.as_str());
         format!("{} through picamera2", model.unwrap_or("a camera"))
     }
 
@@ -104,8 +104,8 @@ impl FrameSource for Picamera {
         Ok(())
     }
 
-    fn says(&self) -> Value {
-        self.held.as_ref().map_or(Value::Null, |held| held.says.clone())
+    fn camera_description(&self) -> Value {
+        self.held.as_ref().map_or(Value::Null, |held| held.description.clone())
     }
 
     fn configure(&mut self, settings: &CaptureSettings) -> Result<CaptureSettings, SourceError> {
@@ -143,7 +143,7 @@ impl FrameSource for Picamera {
 
     fn start(&mut self) -> Result<(), SourceError> {
         let held = self.held.as_mut().ok_or_else(|| SourceError::new("it was not configured"))?;
-        (held.sequence, held.last, held.heard) = (0, None, Instant::now());
+        (held.sequence, held.last, held.last_frame) = (0, None, Instant::now());
         self.helper()?.send(&json!({ "do": "start" }))
     }
 
@@ -167,15 +167,15 @@ impl FrameSource for Picamera {
             return Err(SourceError::new("it was not configured"));
         };
         let Some(packet) = helper.poll(POLL_INTERVAL)? else {
-            return if held.heard.elapsed() < SILENCE {
+            return if held.last_frame.elapsed() < SILENCE {
                 Ok(None)
             } else {
                 Err(SourceError::new(format!("no frame came for {SILENCE:?}; check its cable")))
             };
         };
-        held.heard = Instant::now();
+        held.last_frame = Instant::now();
         match packet.head {
-            HelperHead::Frame(head) => held.frame(*head, &packet.pictures).map(Some),
+            HelperHead::Frame(head) => held.frame(*head, &packet.images).map(Some),
             HelperHead::Error { because } => Err(SourceError::new(because)),
             HelperHead::Configured(_)
             | HelperHead::Stopped { .. }
@@ -215,20 +215,20 @@ impl ConfiguredCamera {
             rgb: RgbOrder::parse(&configured.rgb_format)?,
             settings,
             frame_duration,
-            says: configured.says,
+            description: configured.description,
             sequence: 0,
             last: None,
-            heard: Instant::now(),
+            last_frame: Instant::now(),
         })
     }
 
-    fn frame(&mut self, head: FrameHead, pictures: &[u8]) -> Result<PiFrame, SourceError> {
+    fn frame(&mut self, head: FrameHead, images: &[u8]) -> Result<PiFrame, SourceError> {
         let size = self.settings.size;
         let metadata = head.metadata;
         let stamp = Stamp::from_nanos(metadata.sensor_timestamp);
         self.count_up_to(stamp);
         let n_raw = head.n_raw.unwrap_or(0);
-        let Some((raw, rgb)) = pictures.split_at_checked(n_raw) else {
+        let Some((raw, rgb)) = images.split_at_checked(n_raw) else {
             return Err(SourceError::new("a frame is shorter than its raw image"));
         };
         let raw10 = head.n_raw.map(|_| self.raw.to_raw10(raw, size)).transpose()?;
@@ -275,7 +275,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wall_clock_in_microseconds_is_told_from_one_in_nanoseconds() {
+    fn a_wall_clock_in_microseconds_is_distinguished_from_one_in_nanoseconds() {
         let now = 1_760_000_000_123_456_000;
         assert_eq!(wall_clock(now), Stamp::from_nanos(now));
         assert_eq!(wall_clock(now / 1000), Stamp::from_nanos(now));

@@ -52,7 +52,7 @@ pub trait FrameSource: Send {
     }
 
     /// What else it read back when it was set up, for the manifest.
-    fn says(&self) -> serde_json::Value {
+    fn camera_description(&self) -> serde_json::Value {
         serde_json::Value::Null
     }
 

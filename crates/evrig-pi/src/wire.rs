@@ -1,17 +1,17 @@
 //! The codec: bytes to messages and back, without I/O.
 
-mod pictures;
+mod images;
 
 use super::coding::{self, CodingError};
 use super::discipline::DisciplineReport;
 use super::order::{CaptureOrder, CaptureSettings, Coding};
 use evrig_core::pi_camera::{ClockSandwich, FrameMetadata, PiFrame, RawClockSandwich};
-pub use pictures::MAX_MESSAGE_BYTES;
-use pictures::{PictureHead, frame};
+pub use images::MAX_MESSAGE_BYTES;
+use images::{ImageHead, frame};
 use serde::{Deserialize, Serialize};
 
 /// The version of the protocol.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// What both sides send first, before the version.
 const MAGIC: &[u8; 8] = b"EVRIGPI\0";
 /// Bytes of magic and version.
@@ -39,7 +39,7 @@ pub struct TakeTally {
     pub n_dropped: u64,
     /// Frames that had to wait on the Pi's disk because the network was slower than the camera.
     pub n_spooled: u64,
-    /// RGB pictures sent after the take.
+    /// RGB images sent after the take.
     pub n_late: u64,
     /// RGB images that did not fit the spool.
     pub n_late_dropped: u64,
@@ -60,13 +60,13 @@ pub enum Message {
         /// What the camera read back.
         settings: CaptureSettings,
         /// The camera's description of itself, for the manifest.
-        says: serde_json::Value,
+        description: serde_json::Value,
     },
     /// Host: let frames come.
     Start,
     /// Agent: one frame.
     Frame(Box<PiFrame>),
-    /// Agent, after the take: the RGB picture of a frame that was sent without it.
+    /// Agent, after the take: the RGB image of a frame that was sent without it.
     LateRgb(Box<PiFrame>),
     /// Host: read your clocks.
     AskClock,
@@ -106,10 +106,10 @@ pub enum Message {
 enum MessageHead {
     Hello { camera: String },
     Configure { order: CaptureOrder },
-    Configured { settings: CaptureSettings, says: serde_json::Value },
+    Configured { settings: CaptureSettings, description: serde_json::Value },
     Start,
-    Frame { metadata: FrameMetadata, raw: Option<PictureHead>, rgb: Option<PictureHead> },
-    LateRgb { metadata: FrameMetadata, rgb: Option<PictureHead> },
+    Frame { metadata: FrameMetadata, raw: Option<ImageHead>, rgb: Option<ImageHead> },
+    LateRgb { metadata: FrameMetadata, rgb: Option<ImageHead> },
     AskClock,
     Clock { reading: PiClockReading },
     AskDiscipline,
@@ -186,7 +186,7 @@ pub fn check_preamble(bytes: &[u8; PREAMBLE_BYTES]) -> Result<(), WireError> {
     }
 }
 
-/// A message as bytes; pictures are not coded. See [`encode_frame`].
+/// A message as bytes; images are not coded. See [`encode_frame`].
 #[must_use]
 pub fn encode(message: &Message) -> Vec<u8> {
     let head = match message {
@@ -197,8 +197,8 @@ pub fn encode(message: &Message) -> Vec<u8> {
         }
         Message::Hello { camera } => MessageHead::Hello { camera: camera.clone() },
         Message::Configure(order) => MessageHead::Configure { order: order.clone() },
-        Message::Configured { settings, says } => {
-            MessageHead::Configured { settings: settings.clone(), says: says.clone() }
+        Message::Configured { settings, description } => {
+            MessageHead::Configured { settings: settings.clone(), description: description.clone() }
         }
         Message::Start => MessageHead::Start,
         Message::AskClock => MessageHead::AskClock,
@@ -218,7 +218,7 @@ pub fn encode(message: &Message) -> Vec<u8> {
     assemble(&head, &[])
 }
 
-/// A frame as bytes, its pictures coded; late ones travel alone.
+/// A frame as bytes, its images coded; late ones travel alone.
 ///
 /// # Errors
 /// When an image does not have the frame's size.
@@ -236,41 +236,41 @@ pub fn encode_frame(
         || raw.map(|packed| coding::encode_raw10(packed, size)).transpose(),
         || frame.rgb.as_ref().map(|rgb| coding::encode_rgb(rgb, size)).transpose(),
     );
-    Ok(with_pictures(&frame.metadata, [raw?.as_deref(), rgb?.as_deref()], coding, is_late))
+    Ok(with_images(&frame.metadata, [raw?.as_deref(), rgb?.as_deref()], coding, is_late))
 }
 
 fn plain(frame: &PiFrame, is_late: bool) -> Vec<u8> {
     let raw = frame.raw10.as_deref().filter(|_| !is_late);
-    with_pictures(&frame.metadata, [raw, frame.rgb.as_deref()], Coding::Plain, is_late)
+    with_images(&frame.metadata, [raw, frame.rgb.as_deref()], Coding::Plain, is_late)
 }
 
-fn with_pictures(
+fn with_images(
     metadata: &FrameMetadata,
-    pictures: [Option<&[u8]>; 2],
+    images: [Option<&[u8]>; 2],
     coding: Coding,
     is_late: bool,
 ) -> Vec<u8> {
     let [raw, rgb] =
-        pictures.map(|bytes| bytes.map(|bytes| PictureHead { n_bytes: bytes.len(), coding }));
+        images.map(|bytes| bytes.map(|bytes| ImageHead { n_bytes: bytes.len(), coding }));
     let metadata = metadata.clone();
     let head = if is_late {
         MessageHead::LateRgb { metadata, rgb }
     } else {
         MessageHead::Frame { metadata, raw, rgb }
     };
-    let pictures: Vec<&[u8]> = pictures.into_iter().flatten().collect();
-    assemble(&head, &pictures)
+    let images: Vec<&[u8]> = images.into_iter().flatten().collect();
+    assemble(&head, &images)
 }
 
-fn assemble(head: &MessageHead, pictures: &[&[u8]]) -> Vec<u8> {
+fn assemble(head: &MessageHead, images: &[&[u8]]) -> Vec<u8> {
     // These heads are plain values: JSON can always hold them.
     let head = serde_json::to_vec(head).unwrap_or_default();
-    let n_pictures: usize = pictures.iter().map(|picture| picture.len()).sum();
-    let mut bytes = Vec::with_capacity(8 + head.len() + n_pictures);
-    bytes.extend(((4 + head.len() + n_pictures) as u32).to_le_bytes());
+    let n_images: usize = images.iter().map(|image| image.len()).sum();
+    let mut bytes = Vec::with_capacity(8 + head.len() + n_images);
+    bytes.extend(((4 + head.len() + n_images) as u32).to_le_bytes());
     bytes.extend((head.len() as u32).to_le_bytes());
     bytes.extend(head);
-    pictures.iter().for_each(|picture| bytes.extend_from_slice(picture));
+    images.iter().for_each(|image| bytes.extend_from_slice(image));
     bytes
 }
 
@@ -308,33 +308,35 @@ impl MessageDecoder {
             return Err(WireError::Oversize { index, what, found: n_head, limit });
         }
         let Some(body) = self.bytes.get(8..4 + length) else { return Ok(None) };
-        let (head, pictures) = body.split_at(n_head);
+        let (head, images) = body.split_at(n_head);
         let message =
-            parse(head, pictures).map_err(|because| WireError::Malformed { index, because })?;
+            parse(head, images).map_err(|because| WireError::Malformed { index, because })?;
         self.bytes.drain(..4 + length);
         self.n_messages += 1;
         Ok(Some(message))
     }
 }
 
-fn parse(head: &[u8], pictures: &[u8]) -> Result<Message, String> {
+fn parse(head: &[u8], images: &[u8]) -> Result<Message, String> {
     let head: MessageHead = serde_json::from_slice(head).map_err(|error| error.to_string())?;
     let message = match head {
         MessageHead::Frame { metadata, raw, rgb } => {
-            return Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, pictures)?)));
+            return Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, images)?)));
         }
         MessageHead::LateRgb { metadata, rgb } => {
-            return Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, pictures)?)));
+            return Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, images)?)));
         }
-        MessageHead::Filler { n_bytes } if n_bytes == pictures.len() => {
-            return Ok(Message::Filler(pictures.to_vec()));
+        MessageHead::Filler { n_bytes } if n_bytes == images.len() => {
+            return Ok(Message::Filler(images.to_vec()));
         }
         MessageHead::Filler { n_bytes } => {
-            return Err(format!("{n_bytes} bytes of filler, found {}", pictures.len()));
+            return Err(format!("{n_bytes} bytes of filler, found {}", images.len()));
         }
         MessageHead::Hello { camera } => Message::Hello { camera },
         MessageHead::Configure { order } => Message::Configure(order),
-        MessageHead::Configured { settings, says } => Message::Configured { settings, says },
+        MessageHead::Configured { settings, description } => {
+            Message::Configured { settings, description }
+        }
         MessageHead::Start => Message::Start,
         MessageHead::AskClock => Message::AskClock,
         MessageHead::Clock { reading } => Message::Clock(reading),
@@ -346,10 +348,10 @@ fn parse(head: &[u8], pictures: &[u8]) -> Result<Message, String> {
         MessageHead::Stopped { tally } => Message::Stopped(tally),
         MessageHead::Refused { because } => Message::Refused { because },
     };
-    if pictures.is_empty() {
+    if images.is_empty() {
         Ok(message)
     } else {
-        Err(format!("{} bytes behind a message without images", pictures.len()))
+        Err(format!("{} bytes behind a message without images", images.len()))
     }
 }
 
@@ -392,11 +394,11 @@ mod tests {
             focus: Focus::Once,
             delivery: Delivery::default(),
         };
-        let says = serde_json::json!({"lens": 1});
+        let description = serde_json::json!({"lens": 1});
         vec![
             Message::Hello { camera: "imx708".into() },
             Message::Configure(order),
-            Message::Configured { settings: settings(), says },
+            Message::Configured { settings: settings(), description },
             Message::Start,
             frame(),
             late(),
@@ -414,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_is_two_lengths_a_head_and_its_pictures() {
+    fn a_message_is_two_lengths_a_head_and_its_images() {
         let table: [(Message, &[u8]); 2] = [
             (Message::Start, b"\x14\0\0\0\x10\0\0\0{\"kind\":\"start\"}"),
             (Message::AskClock, b"\x18\0\0\0\x14\0\0\0{\"kind\":\"ask_clock\"}"),
@@ -425,13 +427,13 @@ mod tests {
                 bytes.escape_ascii().to_string()
             );
         }
-        assert_eq!(&preamble(), b"EVRIGPI\0\x02\0\0\0");
+        assert_eq!(&preamble(), b"EVRIGPI\0\x03\0\0\0");
     }
 
     #[test]
-    fn another_version_and_another_program_are_told_apart() {
+    fn another_version_and_another_program_are_distinguished() {
         assert_eq!(check_preamble(&preamble()), Ok(()));
-        let newer = check_preamble(b"EVRIGPI\0\x03\0\0\0").unwrap_err();
+        let newer = check_preamble(b"EVRIGPI\0\x04\0\0\0").unwrap_err();
         assert_eq!(newer, WireError::Version { found: 3 });
         assert!(newer.to_string().contains("install the same evrig"));
         assert!(matches!(check_preamble(b"HTTP/1.1 400"), Err(WireError::NotEvrig { .. })));
@@ -447,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_not_what_its_size_says_is_refused() {
+    fn a_frame_that_does_not_match_its_size_is_refused() {
         let text =
             String::from_utf8_lossy(&encode(&frame())).replace("\"n_bytes\":40", "\"n_bytes\":41");
         let start = text.find('{').unwrap();
@@ -457,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coded_frame_comes_back_whole_and_a_late_one_without_its_raw_picture() {
+    fn a_coded_frame_comes_back_whole_and_a_late_one_without_its_raw_image() {
         let Message::Frame(sent) = frame() else { panic!("a frame") };
         let late = PiFrame { raw10: None, ..*sent.clone() };
         let expected = [Message::Frame(sent.clone()), Message::LateRgb(Box::new(late))];

@@ -74,8 +74,10 @@ impl ActiveRecording<'_> {
         let mut prepared = Vec::new();
         for recorder in &mut self.devices.recorders {
             let found = recorder.prepare()?;
-            self.journal
-                .note("device", &json!({"name": recorder.name(), "description": found.says}))?;
+            self.journal.note(
+                "device",
+                &json!({"name": recorder.name(), "description": found.description}),
+            )?;
             prepared.push(found);
         }
         let remarks = self.devices.arm.prepare(self.request.path)?;
@@ -136,7 +138,7 @@ impl ActiveRecording<'_> {
             }
         }
         (self.watch)(RecordState::Seal, 1.0);
-        // The manifest tells the same; a full disk may have no room for this line.
+        // The manifest states the same; a full disk may have no space for this line.
         let _ = self.journal.note("seal", &json!({"losses": losses}));
         // What was lost only while it was drained cuts the recording short as well.
         let lost = || devices.iter().find_map(|device| device.lost.clone());
@@ -197,7 +199,7 @@ impl ActiveRecording<'_> {
             }
             entries.push(DeviceEntry {
                 name: name.to_owned(),
-                description: running.prepared.says.clone(),
+                description: running.prepared.description.clone(),
                 n_samples: running.tally.n_samples,
                 n_dropped: running.tally.n_dropped,
                 lost: running.lost.clone(),

@@ -27,7 +27,7 @@ pub fn host_time() -> HostTime {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PreparedRecorder {
     /// Who it is and what it reads back, for the manifest.
-    pub says: serde_json::Value,
+    pub description: serde_json::Value,
     /// Streams of its packets, for recorders that deliver packets.
     pub streams: Vec<StreamSpec>,
 }

@@ -101,8 +101,8 @@ impl Recorder for SimulatedCamera {
 
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let mut prepared = self.client.prepare()?;
-        if let Some(says) = prepared.says.as_object_mut() {
-            says.insert("is_simulated".to_owned(), true.into());
+        if let Some(description) = prepared.description.as_object_mut() {
+            description.insert("is_simulated".to_owned(), true.into());
         }
         Ok(prepared)
     }

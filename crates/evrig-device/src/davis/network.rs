@@ -117,7 +117,7 @@ impl Recorder for NetworkDavis {
             self.ready.push(connect(address, self.patience)?);
         }
         let streams: Vec<_> = self.ready.iter().map(|(_, _, spec)| spec.clone()).collect();
-        Ok(PreparedRecorder { says: describe(&self.addresses.join(","), &streams), streams })
+        Ok(PreparedRecorder { description: describe(&self.addresses.join(","), &streams), streams })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
@@ -183,12 +183,12 @@ impl StreamConnection {
         outlet: &SampleSender,
         monitor: &RecorderMonitor,
     ) -> Result<(), RecorderError> {
-        let mut heard = Instant::now();
+        let mut last_packet = Instant::now();
         loop {
             let why = loop {
                 match reader.next() {
                     Some(Ok(packet)) => {
-                        heard = Instant::now();
+                        last_packet = Instant::now();
                         let (stream, arrived) = (self.number, host_time());
                         let content = packet.content;
                         monitor.offer(outlet, RecorderSample::Packet { stream, arrived, content });
@@ -206,7 +206,7 @@ impl StreamConnection {
                 monitor.change(|state| state.tally.gaps.push(text));
             }
             if monitor.is_ending() {
-                self.tell_of_silence(heard, monitor);
+                self.report_silence(last_packet, monitor);
                 return Ok(());
             }
             let since = Instant::now();
@@ -224,8 +224,8 @@ impl StreamConnection {
 
     /// A wire that died shortly before the end is not yet known to be dead. A scene in which
     /// nothing happens looks the same, so this is reported and nothing more.
-    fn tell_of_silence(&self, heard: Instant, monitor: &RecorderMonitor) {
-        let silence = heard.elapsed();
+    fn report_silence(&self, last_packet: Instant, monitor: &RecorderMonitor) {
+        let silence = last_packet.elapsed();
         if silence > self.patience.silence / 2 + self.patience.drain {
             let seconds = silence.as_secs_f64();
             let text = format!("{}: nothing came in the last {seconds:.1} s", self.address);

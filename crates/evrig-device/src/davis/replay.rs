@@ -71,7 +71,10 @@ impl Recorder for ReplayDavis {
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let reader = Reader::open(&self.path).map_err(|error| self.failed(error))?;
         let streams: Vec<_> = reader.streams().iter().map(spec).collect();
-        Ok(PreparedRecorder { says: describe(&self.path.display().to_string(), &streams), streams })
+        Ok(PreparedRecorder {
+            description: describe(&self.path.display().to_string(), &streams),
+            streams,
+        })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {

@@ -93,12 +93,12 @@ impl Recorder for UsbDavis {
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         self.stop();
         self.monitor = Arc::default();
-        let (mut camera, mut told) = open(&self.description)?;
+        let (mut camera, mut reported) = open(&self.description)?;
         let offset_us = wait_for_clock(&mut camera)?;
-        told["unix_minus_device_us"] = json!(offset_us);
+        reported["unix_minus_device_us"] = json!(offset_us);
         let streams = streams(&camera);
-        let mut says = describe(&format!("usb {}", camera.device.serial()), &streams);
-        says["camera"] = told;
+        let mut description = describe(&format!("usb {}", camera.device.serial()), &streams);
+        description["camera"] = reported;
         let outlet = Arc::clone(&self.outlet);
         *outlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let work = move |outlet: &Arc<Mutex<Option<SampleSender>>>, monitor: &RecorderMonitor| {
@@ -106,7 +106,7 @@ impl Recorder for UsbDavis {
         };
         let thread = self.monitor.spawn("davis", outlet, work);
         self.thread = Some(thread.map_err(failed)?);
-        Ok(PreparedRecorder { says, streams })
+        Ok(PreparedRecorder { description, streams })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
@@ -165,7 +165,7 @@ fn open(description: &DavisDescription) -> Result<(OpenCamera, serde_json::Value
     )
     .map_err(failed)?;
     let registers = registers::open(device.bus_number(), device.address());
-    let mut told = json!({
+    let mut reported = json!({
         "serial": device.serial(),
         "asked": serde_json::to_value(&configuration).unwrap_or_default(),
         "frames": "8 bits of the converter's 10, as DV stores them",
@@ -173,11 +173,11 @@ fn open(description: &DavisDescription) -> Result<(OpenCamera, serde_json::Value
     let registers = match registers {
         Ok(registers) => {
             registers.set_frames(description.aps).map_err(failed)?;
-            told["read_back"] = registers.read_back().map_err(failed)?;
+            reported["read_back"] = registers.read_back().map_err(failed)?;
             Some(registers)
         }
         Err(because) if description.aps => {
-            told["read_back"] = json!(format!("not possible: {because}"));
+            reported["read_back"] = json!(format!("not possible: {because}"));
             None
         }
         Err(because) => {
@@ -186,7 +186,7 @@ fn open(description: &DavisDescription) -> Result<(OpenCamera, serde_json::Value
     };
     let converter = Converter::new(device.create_adapter());
     let has_frames = description.aps;
-    Ok((OpenCamera { device, faults, converter, registers, has_frames }, told))
+    Ok((OpenCamera { device, faults, converter, registers, has_frames }, reported))
 }
 
 /// Waits for the first packet and takes the camera's clock from it, µs of Unix minus µs of the
@@ -278,14 +278,17 @@ mod tests {
     use evrig_session::rig::Rig;
 
     #[test]
-    fn without_a_camera_the_error_says_what_to_do() {
+    fn without_a_camera_the_error_states_what_to_do() {
         let mut davis = UsbDavis::new(&Rig::simulated().unwrap().davis);
         if davis.check().iter().all(|finding| finding.verdict == evrig_record::Verdict::Good) {
             // A machine with a camera: what it can do is shown by a recording.
             return;
         }
-        let said = davis.prepare().unwrap_err().to_string();
-        assert!(said.contains("davis on USB") && said.contains("99-evrig.rules"), "{said}");
+        let message = davis.prepare().unwrap_err().to_string();
+        assert!(
+            message.contains("davis on USB") && message.contains("99-evrig.rules"),
+            "{message}"
+        );
         let (outlet, _inlet) = evrig_record::recorder::channel(1);
         assert!(davis.start(outlet).unwrap_err().to_string().contains("not prepared"));
         davis.abort();

@@ -4,7 +4,7 @@ use evrig_core::units::BytesPerSecond;
 use evrig_pi::order::{CaptureOrder, Coding, Delivery, RgbDelivery};
 use evrig_record::Finding;
 
-/// Shares of their bytes that raw and RGB pictures keep when they are coded; noise decides, and
+/// Shares of their bytes that raw and RGB images keep when they are coded; noise decides, and
 /// with it the gain. A little above what docs/RECORDING.md measured.
 const fn coded_shares(gain: f64) -> [f64; 2] {
     if gain <= 4.0 { [0.60, 0.42] } else { [0.70, 0.50] }
@@ -54,7 +54,7 @@ pub(super) fn proposal(order: &CaptureOrder, link: BytesPerSecond) -> Option<Del
 #[must_use]
 pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
     let mbit = |rate: BytesPerSecond| rate.0 * 8e-6;
-    let says = format!(
+    let description = format!(
         "the link carries {:.0} Mbit/s, the frames need {:.0} (rgb_delivery \"{}\", coding \"{}\")",
         mbit(link),
         mbit(load(order)),
@@ -62,13 +62,13 @@ pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
         order.delivery.coding
     );
     if is_carried(order, link) {
-        return Finding::good("network", says);
+        return Finding::good("network", description);
     }
     match proposal(order, link) {
         Some(way) => Finding::doubt(
             "network",
             format!(
-                "{says}; set pi.rgb_delivery = \"{}\" and pi.coding = \"{}\", or what does not fit waits in the Pi's spool",
+                "{description}; set pi.rgb_delivery = \"{}\" and pi.coding = \"{}\", or what does not fit waits in the Pi's spool",
                 way.rgb, way.coding
             ),
         ),
@@ -78,7 +78,7 @@ pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
             Finding::doubt(
                 "network",
                 format!(
-                    "{says}; no delivery fits: use a wire, lower pi.frame_rate_hz to {rate:.0} or less, or give the agent a --spool for the whole take"
+                    "{description}; no delivery fits: use a wire, lower pi.frame_rate_hz to {rate:.0} or less, or give the agent a --spool for the whole take"
                 ),
             )
         }

@@ -126,10 +126,13 @@ impl Recorder for NetworkPi {
 
     fn prepare(&mut self) -> Result<PreparedRecorder, RecorderError> {
         let (mut connection, camera) = AgentConnection::connect(&self.agent, self.timeouts.answer)?;
-        let (held, says) = connection.configure(&self.order, self.timeouts.configure)?;
+        let (held, reported) = connection.configure(&self.order, self.timeouts.configure)?;
         let asked = &self.order.settings;
         if held.size != asked.size || (held.raw, held.rgb) != (asked.raw, asked.rgb) {
-            return Err(self.failed(format!("asked for {asked:?}, it set {held:?}")));
+            return Err(self.failed(format!(
+                "asked for {} (raw {}, RGB {}), it set {} (raw {}, RGB {})",
+                asked.size, asked.raw, asked.rgb, held.size, held.raw, held.rgb
+            )));
         }
         let mut readings = Vec::new();
         for _ in 0..CLOCK_READINGS {
@@ -137,11 +140,11 @@ impl Recorder for NetworkPi {
         }
         self.socket = connection.handle();
         self.ready = Some((connection, readings));
-        let says = serde_json::json!({
+        let description = serde_json::json!({
             "source": self.agent.to_string(), "camera": camera, "asked": self.order, "set": held,
-            "says": says,
+            "reported": reported,
         });
-        Ok(PreparedRecorder { says, streams: Vec::new() })
+        Ok(PreparedRecorder { description, streams: Vec::new() })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {
@@ -194,7 +197,7 @@ impl AgentConnection {
         monitor: &RecorderMonitor,
         timeouts: PiTimeouts,
     ) -> Result<(), RecorderError> {
-        let mut heard = Instant::now();
+        let mut last_answer = Instant::now();
         let mut clock_asked: Option<HostTime> = None;
         let mut last_asked = Instant::now();
         let mut drained_by: Option<Instant> = None;
@@ -214,12 +217,12 @@ impl AgentConnection {
             }
             let Some(message) = self.look()? else {
                 let limit = if drained_by.is_some() { timeouts.drain } else { timeouts.silence };
-                if heard.elapsed() >= limit {
+                if last_answer.elapsed() >= limit {
                     return Err(self.agent.failed(format!("not a byte within {limit:?}")));
                 }
                 continue;
             };
-            heard = Instant::now();
+            last_answer = Instant::now();
             match message {
                 Message::Frame(frame) => {
                     monitor.offer(outlet, RecorderSample::Frame { arrived: host_time(), frame });
@@ -263,7 +266,7 @@ fn count(tally: &mut RecorderTally, take: &TakeTally) {
     }
 }
 
-/// Late pictures can wait for the disk: the agent keeps them until they are taken.
+/// Late images can wait for the disk: the agent keeps them until they are taken.
 fn deliver_late(outlet: &SampleSender, monitor: &RecorderMonitor, frame: Box<PiFrame>) {
     if !outlet.put(RecorderSample::LateRgb { arrived: host_time(), frame }) {
         monitor.change(|state| {

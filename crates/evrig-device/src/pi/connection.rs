@@ -200,9 +200,9 @@ impl AgentConnection {
     ) -> Result<(CaptureSettings, Value), RecorderError> {
         self.send(&Message::Configure(order.clone()))?;
         match self.receive(patience)? {
-            Message::Configured { settings, says } => {
+            Message::Configured { settings, description } => {
                 let clock = self.ask_discipline(patience)?;
-                Ok((settings, json!({ "camera_says": says, "clock": clock })))
+                Ok((settings, json!({ "camera": description, "clock": clock })))
             }
             other => Err(self.unexpected("its settings", &other)),
         }

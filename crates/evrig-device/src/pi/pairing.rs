@@ -121,14 +121,14 @@ mod tests {
         let made = pair(folder.path()).unwrap();
         let key = made.host.join(KEY_FILE);
         fs::set_permissions(&key, fs::Permissions::from_mode(0o644)).unwrap();
-        let said = Keys::read(&made.host).unwrap_err().to_string();
-        assert!(said.contains("644") && said.contains("chmod"), "{said}");
+        let message = Keys::read(&made.host).unwrap_err().to_string();
+        assert!(message.contains("644") && message.contains("chmod"), "{message}");
         fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).unwrap();
         fs::copy(made.agent.join(KEY_FILE), &key).unwrap();
         assert!(matches!(Keys::read(&made.host).unwrap().client(), Err(KeysError::Invalid { .. })));
         fs::write(&key, "no key").unwrap();
         assert!(matches!(Keys::read(&made.host), Err(KeysError::Invalid { .. })));
-        let said = Keys::read(&folder.path().join("absent")).unwrap_err().to_string();
-        assert!(said.contains("evrig pair"), "{said}");
+        let message = Keys::read(&folder.path().join("absent")).unwrap_err().to_string();
+        assert!(message.contains("evrig pair"), "{message}");
     }
 }

@@ -11,21 +11,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// For a page to confirm a picture.
+/// For a page to confirm an image.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The screen, showing one picture of the list for each recording.
+/// The screen, showing one image of the list for each recording.
 #[derive(Debug)]
 pub struct Screen {
     stimulus: Arc<Stimulus>,
-    /// The picture of the next recording.
+    /// The image of the next recording.
     next: Arc<AtomicUsize>,
     /// Held while it records, or its writer would end.
     outlet: Option<SampleSender>,
 }
 
 impl Screen {
-    /// The screen of a page; the caller sets the picture in `next` before each recording.
+    /// The screen of a page; the caller sets the image in `next` before each recording.
     #[must_use]
     pub fn new(stimulus: Arc<Stimulus>, next: Arc<AtomicUsize>) -> Self {
         Self { stimulus, next, outlet: None }
@@ -64,11 +64,11 @@ impl Recorder for Screen {
         let (sha256, bytes) = sha256_of_file(&image.path).map_err(|error| self.failed(error))?;
         let shown = self.stimulus.show(index, PATIENCE).map_err(|error| self.failed(error))?;
         let file = image.path.file_name().map(|name| name.to_string_lossy().into_owned());
-        let says = json!({
+        let description = json!({
             "label": image.label, "image": file, "sha256": sha256, "bytes": bytes,
             "index": index, "shown": shown,
         });
-        Ok(PreparedRecorder { says, streams: Vec::new() })
+        Ok(PreparedRecorder { description, streams: Vec::new() })
     }
 
     fn start(&mut self, outlet: SampleSender) -> Result<(), RecorderError> {

@@ -133,7 +133,7 @@ impl Backlog {
             match &mut state.spill {
                 Some(spill) if spill.has_room(message.len()) => match spill.push(&message) {
                     Ok(()) => Stored::Disk,
-                    // A full disk is no room, not the end of the take.
+                    // A full disk means no space, not the end of the recording.
                     Err(error) if error.kind() == io::ErrorKind::StorageFull => Stored::Nowhere,
                     Err(error) => return Err(error),
                 },
@@ -244,7 +244,7 @@ mod tests {
         vec![k as u8; 10 + k % 7]
     }
 
-    fn room(directory: &Path, limit_bytes: u64) -> BacklogLimits {
+    fn limits(directory: &Path, limit_bytes: u64) -> BacklogLimits {
         let spool = Spool { directory: directory.to_owned(), limit_bytes };
         BacklogLimits { memory_bytes: 50, spool: Some(spool) }
     }
@@ -253,7 +253,7 @@ mod tests {
     async fn messages_come_out_in_order_whether_they_were_on_disk_or_not() {
         let folder = tempfile::tempdir().unwrap();
         // Less than all messages together: the file is written round several times.
-        let backlog = Backlog::new(room(folder.path(), 337)).unwrap();
+        let backlog = Backlog::new(limits(folder.path(), 337)).unwrap();
         let mut expected = 0;
         let mut n_on_disk = 0;
         for round in 0..5 {
@@ -278,9 +278,9 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_fits_nowhere_is_said_and_what_was_kept_comes_out() {
+    async fn frames_that_fit_nowhere_are_reported_and_what_was_kept_comes_out() {
         let folder = tempfile::tempdir().unwrap();
-        let backlog = Backlog::new(room(folder.path(), 100)).unwrap();
+        let backlog = Backlog::new(limits(folder.path(), 100)).unwrap();
         let kept: Vec<Stored> = (0..30).map(|_| backlog.push(vec![0; 10]).unwrap()).collect();
         let n = |which| kept.iter().filter(|kept| **kept == which).count();
         assert_eq!([n(Stored::Memory), n(Stored::Disk), n(Stored::Nowhere)], [5, 10, 15]);
@@ -309,8 +309,8 @@ mod tests {
     }
 
     #[test]
-    fn a_spool_that_is_no_directory_is_told_at_once() {
-        let said = Backlog::new(room(Path::new("/nonexistent"), 1)).unwrap_err().to_string();
-        assert!(said.contains("/nonexistent"), "{said}");
+    fn a_spool_that_is_no_directory_is_reported_at_once() {
+        let text = Backlog::new(limits(Path::new("/nonexistent"), 1)).unwrap_err().to_string();
+        assert!(text.contains("/nonexistent"), "{text}");
     }
 }

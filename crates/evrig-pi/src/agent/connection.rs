@@ -127,7 +127,7 @@ impl AgentState {
         self.with_camera(move |camera| {
             camera.set_focus(order.focus)?;
             let settings = camera.configure(&order.settings)?;
-            Ok(Message::Configured { settings, says: camera.says() })
+            Ok(Message::Configured { settings, description: camera.camera_description() })
         })
         .await
     }

@@ -16,7 +16,7 @@ use tokio::task::JoinHandle as TaskHandle;
 #[derive(Debug)]
 struct Flow {
     live: Backlog,
-    /// RGB pictures for after the take.
+    /// RGB images for after the take.
     late: Option<Backlog>,
     delivery: Delivery,
     is_ending: AtomicBool,
@@ -87,7 +87,7 @@ impl FrameStream {
         Ok(Self { flow, taker: Some(taker), sender: Some(sender) })
     }
 
-    /// Takes no more frames, sends those that wait, then the late pictures, and counts.
+    /// Takes no more frames, sends those that wait, then the late images, and counts.
     pub(super) async fn stop(
         mut self,
         writer: &MessageWriter,
@@ -182,7 +182,7 @@ fn keep(mut frame: PiFrame, flow: &Flow) -> Result<(), SourceError> {
         Stored::Memory => {}
         Stored::Disk => _ = add(&flow.n_spooled),
         Stored::Nowhere => {
-            // Without its metadata a late picture would have no time.
+            // Without its metadata a late image would have no time.
             add(&flow.n_dropped);
             return Ok(());
         }

@@ -139,8 +139,8 @@ mod tests {
 
     #[test]
     fn lossy_and_unknown_formats_are_refused() {
-        let said = RawFormat::parse("RGGB_PISP_COMP1").unwrap_err().to_string();
-        assert!(said.contains("losses"), "{said}");
+        let message = RawFormat::parse("RGGB_PISP_COMP1").unwrap_err().to_string();
+        assert!(message.contains("losses"), "{message}");
         for wrong in ["", "S", "SRGGB12", "SRGGB10_X", "SXXXX10", "R10", "Sé"] {
             assert!(RawFormat::parse(wrong).is_err(), "{wrong}");
         }

@@ -126,7 +126,7 @@ class Camera:
             "exposure_us": metadata["ExposureTime"],
             "gain": metadata["AnalogueGain"],
             "frame_duration_us": metadata.get("FrameDuration", duration),
-            "says": {
+            "description": {
                 "model": self.device.camera_properties.get("Model"),
                 "mode_px": mode["size"],
                 "crop_px": [x0, y0, width, height],
@@ -154,7 +154,7 @@ class Camera:
         return min(fits, key=lambda mode: mode["size"][0] * mode["size"][1])
 
     def focus(self, focus):
-        """Sets the lens; says what came of it."""
+        """Sets the lens; returns what came of it."""
         if "AfMode" not in self.device.camera_controls:
             return "the lens is fixed"
         manual, auto, continuous = 0, 1, 2

@@ -16,8 +16,8 @@ const HELPER: &str = include_str!("helper.py");
 const N_WAITING: usize = 8;
 /// The longest head; real ones have about a kilobyte.
 const MAX_HEAD_BYTES: usize = 1 << 16;
-/// The longest pictures: a whole sensor's, raw and RGB.
-const MAX_PICTURE_BYTES: usize = 128 << 20;
+/// The longest images: a whole sensor's, raw and RGB.
+const MAX_IMAGE_BYTES: usize = 128 << 20;
 /// How long last words are waited for.
 const LAST_LINES: Duration = Duration::from_secs(1);
 /// Lines of the helper's standard error that are kept for its exit_error.
@@ -49,7 +49,7 @@ pub(super) struct Configured {
     pub(super) exposure_us: f64,
     pub(super) gain: f64,
     pub(super) frame_duration_us: f64,
-    pub(super) says: Value,
+    pub(super) description: Value,
 }
 
 #[derive(Debug, Deserialize)]
@@ -83,11 +83,11 @@ fn one() -> f64 {
     1.0
 }
 
-/// A head and the pictures behind it.
+/// A head and the images behind it.
 #[derive(Debug)]
 pub(super) struct HelperPacket {
     pub(super) head: HelperHead,
-    pub(super) pictures: Vec<u8>,
+    pub(super) images: Vec<u8>,
 }
 
 /// The running helper; dropped, it is ended.
@@ -151,8 +151,8 @@ impl Helper {
 
     pub(super) fn send(&mut self, command: &Value) -> Result<(), SourceError> {
         let line = format!("{command}\n");
-        let said = self.stdin.as_mut().map(|stdin| stdin.write_all(line.as_bytes()));
-        match said {
+        let text = self.stdin.as_mut().map(|stdin| stdin.write_all(line.as_bytes()));
+        match text {
             Some(Ok(())) => Ok(()),
             Some(Err(_)) | None => Err(self.exit_error()),
         }
@@ -177,7 +177,7 @@ impl Helper {
     /// How it ended, with the last lines of its standard error.
     fn exit_error(&mut self) -> SourceError {
         self.end();
-        // What it said last may still be on its way. A process it left behind may never be silent.
+        // Its last output may still arrive. A child process that it left may write for ever.
         let _ = self.silence.recv_timeout(LAST_LINES);
         let how = self.child.try_wait().ok().flatten();
         let how = how.map_or_else(|| "ended".to_owned(), |status| format!("ended with {status}"));
@@ -217,19 +217,19 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<HelperPacket>, String> {
     }
     let [a, b, c, d, e, f, g, h] = lengths;
     let n_head = u32::from_le_bytes([a, b, c, d]) as usize;
-    let n_pictures = u32::from_le_bytes([e, f, g, h]) as usize;
-    if n_head > MAX_HEAD_BYTES || n_pictures > MAX_PICTURE_BYTES {
+    let n_images = u32::from_le_bytes([e, f, g, h]) as usize;
+    if n_head > MAX_HEAD_BYTES || n_images > MAX_IMAGE_BYTES {
         return Err(format!(
-            "its helper announces a header of {n_head} and images of {n_pictures} bytes; at most {MAX_HEAD_BYTES} and {MAX_PICTURE_BYTES} are expected"
+            "its helper announces a header of {n_head} and images of {n_images} bytes; at most {MAX_HEAD_BYTES} and {MAX_IMAGE_BYTES} are expected"
         ));
     }
-    let (mut head, mut pictures) = (vec![0; n_head], vec![0; n_pictures]);
-    if pipe.read_exact(&mut head).and_then(|()| pipe.read_exact(&mut pictures)).is_err() {
+    let (mut head, mut images) = (vec![0; n_head], vec![0; n_images]);
+    if pipe.read_exact(&mut head).and_then(|()| pipe.read_exact(&mut images)).is_err() {
         return Ok(None);
     }
     let head = serde_json::from_slice(&head)
         .map_err(|error| format!("the message of its helper is not understood: {error}"))?;
-    Ok(Some(HelperPacket { head, pictures }))
+    Ok(Some(HelperPacket { head, images }))
 }
 
 /// Keeps the last lines of the helper's standard error.
@@ -256,16 +256,16 @@ fn listen(pipe: impl BufRead, stderr_lines: &Mutex<VecDeque<String>>) {
 mod tests {
     use super::*;
 
-    fn packet(n_head: u32, n_pictures: u32, rest: &[u8]) -> Vec<u8> {
-        [&n_head.to_le_bytes(), &n_pictures.to_le_bytes(), rest].concat()
+    fn packet(n_head: u32, n_images: u32, rest: &[u8]) -> Vec<u8> {
+        [&n_head.to_le_bytes(), &n_images.to_le_bytes(), rest].concat()
     }
 
     #[test]
-    fn what_is_no_packet_is_told_without_taking_memory_for_it() {
+    fn what_is_no_packet_is_reported_without_taking_memory_for_it() {
         let head = br#"{"kind":"stopped","n_lost":3}"#;
         let whole = packet(head.len() as u32, 2, &[head.as_slice(), b"xy"].concat());
         let found = read_packet(&mut whole.as_slice()).unwrap().unwrap();
-        assert!(matches!(found.head, HelperHead::Stopped { .. }) && found.pictures == b"xy");
+        assert!(matches!(found.head, HelperHead::Stopped { .. }) && found.images == b"xy");
         for n in 0..whole.len() {
             assert!(read_packet(&mut &whole[..n]).unwrap().is_none(), "cut at {n}");
         }
@@ -274,8 +274,8 @@ mod tests {
             (packet(0, u32::MAX, b""), "at most"),
             (packet(2, 0, b"{}"), "not understood"),
         ] {
-            let said = read_packet(&mut wrong.as_slice()).unwrap_err();
-            assert!(said.contains(expected), "{said}");
+            let text = read_packet(&mut wrong.as_slice()).unwrap_err();
+            assert!(text.contains(expected), "{text}");
         }
         assert!(read_packet(&mut [0_u8; 0].as_slice()).unwrap().is_none());
     }

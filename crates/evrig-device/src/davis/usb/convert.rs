@@ -56,7 +56,7 @@ impl Converter {
             |event| events.push(polarity(event, offset_us)),
             |sample| imu.push(inertial(sample, offset_us)),
             |mark| triggers.push(trigger(mark, offset_us)),
-            |picture| frames.push(frame(&picture, stamp)),
+            |image| frames.push(frame(&image, stamp)),
         );
         let words = packet.chunks_exact(2).map(|word| u16::from_le_bytes([word[0], word[1]]));
         let n_resets = words.clone().filter(|word| *word == CLOCK_RESET).count() as u64;
@@ -108,17 +108,17 @@ fn trigger(mark: TriggerEvent<u64, u8>, offset_us: i64) -> Trigger {
 }
 
 /// The driver shifts the converter's 10 bits up to 16; the upper 8 are kept, as DV does.
-fn frame(picture: &FrameEvent<'_>, stamp: impl Fn(u64) -> Stamp<Davis>) -> Frame<Davis> {
-    let exposure = picture.exposure_start_t.zip(picture.exposure_end_t);
+fn frame(image: &FrameEvent<'_>, stamp: impl Fn(u64) -> Stamp<Davis>) -> Frame<Davis> {
+    let exposure = image.exposure_start_t.zip(image.exposure_end_t);
     Frame::gray(
         FrameTiming {
-            stamp: stamp(exposure.map_or(picture.start_t, |(start, _)| start)),
+            stamp: stamp(exposure.map_or(image.start_t, |(start, _)| start)),
             exposure: exposure.map(|(start, end)| [stamp(start), stamp(end)]),
-            readout: Some([stamp(picture.start_t), stamp(picture.t)]),
+            readout: Some([stamp(image.start_t), stamp(image.t)]),
             row_time: Span::ZERO,
         },
         Size::DAVIS346,
-        Samples::U8(picture.pixels.iter().map(|sample| (sample >> 8) as u8).collect()),
+        Samples::U8(image.pixels.iter().map(|sample| (sample >> 8) as u8).collect()),
     )
 }
 
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn triggers_and_clock_resets_are_told() {
+    fn triggers_and_clock_resets_are_reported() {
         let mut converter = converter();
         let batch = converter.take(&packet(&[at(9), 3, 2, CLOCK_RESET]));
         let kinds: Vec<_> = batch.triggers.iter().map(|mark| mark.kind).collect();

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_switched_and_a_camera_that_does_not_obey_is_told() {
+    fn frames_are_switched_and_a_camera_that_does_not_obey_is_reported() {
         let obeys = UsbMemory::default();
         for on in [true, false] {
             obeys.set_frames(on).unwrap();
@@ -174,9 +174,9 @@ mod tests {
     fn biases_are_read_back_as_coarse_and_fine() {
         let registers = UsbMemory::default();
         registers.write(CHIP, 11, 0b1111 | 173 << 4 | 6 << 12).unwrap();
-        let told = registers.read_back().unwrap();
-        assert_eq!(told["biases"]["onbn"], json!({"coarse": 6, "fine": 173}));
-        assert_eq!(told["biases"].as_object().unwrap().len(), DAVIS_BIASES.len());
+        let found = registers.read_back().unwrap();
+        assert_eq!(found["biases"]["onbn"], json!({"coarse": 6, "fine": 173}));
+        assert_eq!(found["biases"].as_object().unwrap().len(), DAVIS_BIASES.len());
     }
 
     #[test]
