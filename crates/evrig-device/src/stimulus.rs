@@ -1,7 +1,7 @@
-//! The target on a screen: picture and tag to scale, full-screen in a browser, one picture after
+//! The target on a screen: image and tag to scale, full-screen in a browser, one image after
 //! another.
 //!
-//! A page on loopback polls the state, shows it, and confirms once it is on the screen; a picture
+//! A page on loopback polls the state, shows it, and confirms once it is on the screen; an image
 //! that was not confirmed is not recorded. The scale is pixels of the screen a millimetre: given,
 //! or found by laying a bank card on the page. [`Screen`] is the page as a recorder without
 //! samples, so that the manifest states what was shown.
@@ -27,10 +27,10 @@ use tokio::sync::watch;
 /// Why the target cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub enum StimulusError {
-    /// The list of pictures is wrong.
+    /// The list of images is wrong.
     #[error("{}: {what}", path.display())]
     List {
-        /// The list, or the picture in it.
+        /// The list, or the image in it.
         path: PathBuf,
         /// Where and what, and what to do.
         what: String,
@@ -57,7 +57,7 @@ pub enum StimulusError {
         /// Where it was to listen.
         address: SocketAddr,
     },
-    /// No page confirmed the picture.
+    /// No page confirmed the image.
     #[error(
         "no page confirmed image {index} ({label}) within {seconds} s; open {url} in a browser on \
          the screen, calibrate it, and press f for full screen"
@@ -155,7 +155,7 @@ impl Stimulus {
         self.state.borrow().clone()
     }
 
-    /// Shows a picture and waits until the page confirms that it is on the screen.
+    /// Shows an image and waits until the page confirms that it is on the screen.
     ///
     /// # Errors
     /// When no page confirms in time, or the screen is too small.

@@ -1,4 +1,4 @@
-//! The pictures to show, with their labels.
+//! The images to show, with their labels.
 
 use super::StimulusError;
 use image::ImageReader;
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 /// What browsers draw, and how it is called.
 const TYPES: [(&str, &str); 4] =
     [("png", "image/png"), ("jpg", "image/jpeg"), ("jpeg", "image/jpeg"), ("bmp", "image/bmp")];
-/// A picture's file beyond this is a mistake.
+/// An image's file beyond this is a mistake.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// One picture.
+/// One image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StimulusImage {
     /// Its file.
@@ -21,18 +21,18 @@ pub struct StimulusImage {
     pub(super) media_type: &'static str,
 }
 
-/// Pictures in the order in which they are shown; never empty.
+/// Images in the order in which they are shown; never empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageList {
     images: Vec<StimulusImage>,
 }
 
 impl ImageList {
-    /// Reads a list: a folder of pictures in the order of their names, each labelled by its name,
-    /// or a text file with a line `picture[,label]` each, paths relative to it, `#` before remarks.
+    /// Reads a list: a folder of images in the order of their names, each labelled by its name,
+    /// or a text file with a line `image[,label]` each, paths relative to it, `#` before remarks.
     ///
     /// # Errors
-    /// When it cannot be read, is empty, or names something that is no picture a browser draws.
+    /// When it cannot be read, is empty, or names something that is no image a browser draws.
     pub fn read(path: &Path) -> Result<Self, StimulusError> {
         let failed = |what: String| StimulusError::List { path: path.to_owned(), what };
         let images = if path.is_dir() { folder(path)? } else { file(path)? };
@@ -42,7 +42,7 @@ impl ImageList {
         Ok(Self { images })
     }
 
-    /// The picture at a place.
+    /// The image at a place.
     #[must_use]
     pub fn get(&self, index: usize) -> Option<&StimulusImage> {
         self.images.get(index)
@@ -66,7 +66,7 @@ fn folder(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
     }
     files.sort();
     files.retain(|file| media_type(file).is_some());
-    files.into_iter().map(|file| picture(file, None)).collect()
+    files.into_iter().map(|file| stimulus_image(file, None)).collect()
 }
 
 fn file(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
@@ -89,7 +89,7 @@ fn file(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
             return Err(failed(format!("line {line}: expected image[,label], found `{found}`")));
         }
         let label = record.get(1).filter(|label| !label.is_empty()).map(str::to_owned);
-        let image = picture(folder.join(name), label).map_err(|error| match error {
+        let image = stimulus_image(folder.join(name), label).map_err(|error| match error {
             StimulusError::List { path, what } => {
                 failed(format!("line {line}: {}: {what}", path.display()))
             }
@@ -100,8 +100,8 @@ fn file(path: &Path) -> Result<Vec<StimulusImage>, StimulusError> {
     Ok(images)
 }
 
-/// Looks whether the file is a picture, without decoding it.
-fn picture(path: PathBuf, label: Option<String>) -> Result<StimulusImage, StimulusError> {
+/// Looks whether the file is an image, without decoding it.
+fn stimulus_image(path: PathBuf, label: Option<String>) -> Result<StimulusImage, StimulusError> {
     let failed = |what: String| StimulusError::List { path: path.clone(), what };
     let media_type = media_type(&path)
         .ok_or_else(|| failed("is no image that browsers draw; use png, jpg or bmp".into()))?;
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_gives_pictures_and_labels_in_its_order() {
+    fn a_list_gives_images_and_labels_in_its_order() {
         let folder = with(&["b.png", "a.png"]);
         let list = folder.path().join("list.csv");
         std::fs::write(&list, "# first the second\nb.png, tabby cat\na.png\n").unwrap();
@@ -146,16 +146,16 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_gives_its_pictures_in_the_order_of_their_names() {
+    fn a_folder_gives_its_images_in_the_order_of_their_names() {
         let folder = with(&["b.png", "a.bmp"]);
-        std::fs::write(folder.path().join("notes.txt"), "no picture").unwrap();
+        std::fs::write(folder.path().join("notes.txt"), "no image").unwrap();
         let images = ImageList::read(folder.path()).unwrap();
         let labels: Vec<_> = images.as_slice().iter().map(|image| image.label.as_str()).collect();
         assert_eq!(labels, ["a", "b"]);
     }
 
     #[test]
-    fn what_is_no_picture_is_told_with_its_line() {
+    fn what_is_no_image_is_reported_with_its_line() {
         let folder = with(&["a.png"]);
         std::fs::write(folder.path().join("broken.png"), "text").unwrap();
         let list = folder.path().join("list.csv");
@@ -167,8 +167,8 @@ mod tests {
             ("# nothing\n", "holds no image"),
         ] {
             std::fs::write(&list, text).unwrap();
-            let said = ImageList::read(&list).unwrap_err().to_string();
-            assert!(said.contains(expected) && said.contains("list.csv"), "{said}");
+            let message = ImageList::read(&list).unwrap_err().to_string();
+            assert!(message.contains(expected) && message.contains("list.csv"), "{message}");
         }
     }
 }

@@ -2,12 +2,12 @@
 // Follows the server's state, draws image and tag in the screen's own pixels, and confirms it.
 const CARD_MM = [85.6, 53.98];
 const byId = (id) => document.getElementById(id);
-const [target, picture, tag, says] = ["target", "picture", "tag", "says"].map(byId);
+const [target, image, tag, status] = ["target", "image", "tag", "status"].map(byId);
 let news = null;
-let trial = 96 / 25.4 * devicePixelRatio; // what CSS calls a millimetre, until a card is laid on
+let trial = 96 / 25.4 * devicePixelRatio; // a CSS millimetre, until calibrated with a card
 let isCalibrating = false;
 
-const tell = (path, value) => fetch(path, {
+const post = (path, value) => fetch(path, {
   method: "POST", headers: { "X-Evrig": "stimulus" }, body: JSON.stringify(value),
 });
 
@@ -29,13 +29,13 @@ const drawTag = (cells, side) => {
 };
 
 const layOut = (scale) => {
-  const { picture_mm, gap_mm, tag_mm, cells } = news.target;
-  const [p, g, t] = [picture_mm, gap_mm, tag_mm].map((mm) => Math.round(mm * scale));
+  const { image_mm, gap_mm, tag_mm, cells } = news.target;
+  const [p, g, t] = [image_mm, gap_mm, tag_mm].map((mm) => Math.round(mm * scale));
   const needed = [p + g + t, Math.max(p, t)];
   const page = [innerWidth, innerHeight].map((css) => css * devicePixelRatio);
   const [left, top] = [0, 1].map((i) => Math.max(0, Math.round((page[i] - needed[i]) / 2)));
   const bottom = top + needed[1];
-  place(picture, left, bottom - p, p, p);
+  place(image, left, bottom - p, p, p);
   place(tag, left + p + g, bottom - t, t, t);
   drawTag(cells, t);
   const fits = needed[0] <= page[0] && needed[1] <= page[1];
@@ -51,18 +51,18 @@ const show = async () => {
   document.body.classList.toggle("calibrating", isCalibrating || scale === null);
   showCard(scale);
   const words = state.is_paused ? "paused (space goes on)" : "space pauses";
-  says.textContent =
+  status.textContent =
     `${state.index + 1} of ${n}: ${label} · ${words} · arrows turn · c calibrates · f full screen`;
   if (scale === null) return;
   const wanted = `/image/${state.index}`;
-  if (picture.getAttribute("src") !== wanted) {
-    picture.src = wanted;
-    try { await picture.decode(); } catch { says.textContent = `${label} cannot be drawn`; return; }
+  if (image.getAttribute("src") !== wanted) {
+    image.src = wanted;
+    try { await image.decode(); } catch { status.textContent = `${label} cannot be drawn`; return; }
   }
   const fit = layOut(scale);
   target.style.visibility = "visible";
-  // A picture is on the screen one frame after the one in which it was drawn.
-  afterNextFrames(() => tell("/shown", {
+  // An image is on the screen one frame after the one in which it was drawn.
+  afterNextFrames(() => post("/shown", {
     sequence: state.sequence, index: state.index, px_per_mm: scale,
     device_pixel_ratio: devicePixelRatio, ...fit,
   }));
@@ -84,7 +84,7 @@ const follow = async () => {
       news = answer;
       if (isNew) await show();
     } catch {
-      says.textContent = "evrig has ended; start it again and reload";
+      status.textContent = "evrig has ended; start it again and reload";
       await new Promise((go) => setTimeout(go, 1000));
     }
   }
@@ -96,12 +96,12 @@ addEventListener("keydown", (event) => {
   const step = event.shiftKey ? 1.02 : 1.001;
   if (isOpen && event.key === "ArrowUp") { trial *= step; showCard(news.state.px_per_mm); }
   else if (isOpen && event.key === "ArrowDown") { trial /= step; showCard(news.state.px_per_mm); }
-  else if (isOpen && event.key === "Enter") { isCalibrating = false; tell("/scale", { px_per_mm: trial }); }
+  else if (isOpen && event.key === "Enter") { isCalibrating = false; post("/scale", { px_per_mm: trial }); }
   else if (event.key === "c") { isCalibrating = true; trial = news.state.px_per_mm ?? trial; show(); }
   else if (event.key === "f") document.documentElement.requestFullscreen();
-  else if (event.key === " ") tell("/pause", { is_paused: !news.state.is_paused });
-  else if (event.key === "ArrowRight") tell("/step", { by: 1 });
-  else if (event.key === "ArrowLeft") tell("/step", { by: -1 });
+  else if (event.key === " ") post("/pause", { is_paused: !news.state.is_paused });
+  else if (event.key === "ArrowRight") post("/step", { by: 1 });
+  else if (event.key === "ArrowLeft") post("/step", { by: -1 });
   else return;
   event.preventDefault();
 });

@@ -99,7 +99,7 @@ impl PageServer {
             (0..tag::CELLS_PER_SIDE).map(|x| if is_white(x) { '1' } else { '0' }).collect()
         };
         let target = json!({
-            "picture_mm": target.picture_side.0, "gap_mm": target.gap.0,
+            "image_mm": target.picture_side.0, "gap_mm": target.gap.0,
             "tag_mm": target.tag_side.0, "cells": (0..tag::CELLS_PER_SIDE).map(row).collect::<Vec<_>>(),
         });
         let hosts = [address.to_string(), format!("localhost:{}", address.port())];
@@ -213,6 +213,8 @@ pub(super) async fn accept(listener: TcpListener, server: Arc<PageServer>) {
 
 async fn serve(socket: TcpStream, server: &PageServer) {
     let service = service_fn(async |request| Ok::<_, Infallible>(server.answer(request).await));
+    // A connection whose head is late is closed without status 408, which hyper does not send
+    // there. RFC 9112, 9.5 permits it, and the page repeats its request in either case.
     let connection = http1::Builder::new()
         .keep_alive(false)
         .max_header_size(MAX_HEAD_BYTES)

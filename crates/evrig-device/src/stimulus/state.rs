@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct StimulusState {
     /// Grows with every change that the page must follow.
     pub sequence: u64,
-    /// The picture's place in the list.
+    /// The image's place in the list.
     pub index: usize,
     /// Whether a recording turns the pages, and the keys do not.
     pub is_driven: bool,
@@ -28,7 +28,7 @@ pub struct StimulusState {
 pub struct Shown {
     /// The state it followed.
     pub sequence: u64,
-    /// The picture's place in the list.
+    /// The image's place in the list.
     pub index: usize,
     /// The scale it was drawn at.
     pub px_per_mm: f64,
@@ -65,7 +65,7 @@ impl StimulusState {
         self.is_open && self.px_per_mm.is_some() && !self.is_paused
     }
 
-    /// Turns to a picture.
+    /// Turns to an image.
     pub(super) fn turn_to(&mut self, index: usize, is_driven: bool) {
         (self.index, self.is_driven) = (index, is_driven);
         self.sequence += 1;
