@@ -24,12 +24,6 @@ impl Output {
         Self { global }
     }
 
-    /// Whether the result must be JSON.
-    #[must_use]
-    pub fn is_json(&self) -> bool {
-        self.global.json
-    }
-
     /// Prints a command's result: as JSON when asked for, else as `text` for people.
     ///
     /// # Errors

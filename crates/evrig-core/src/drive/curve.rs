@@ -33,11 +33,6 @@ impl SignalCurve {
         &self.values
     }
 
-    /// Its values for writing.
-    pub fn values_mut(&mut self) -> &mut [f32] {
-        &mut self.values
-    }
-
     /// The value at a time; `None` outside the grid and in a gap.
     #[must_use]
     pub fn at(&self, t_us: f64) -> Option<f64> {
@@ -101,7 +96,7 @@ mod tests {
         let mut curve = sine();
         assert_eq!(curve.at(999.0), None);
         assert_eq!(curve.at(1_000.0 + 199_001.0), None);
-        curve.values_mut()[50] = f32::NAN;
+        curve.values[50] = f32::NAN;
         assert_eq!(curve.at(50_500.0), None);
         assert_eq!(curve.at(51_500.0), None);
         assert!(curve.at(49_900.0).is_some(), "beside the gap the line between two is taken");

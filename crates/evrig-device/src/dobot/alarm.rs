@@ -70,10 +70,6 @@ impl Serialize for Alarms {
 pub struct Alarm(pub u8);
 
 impl Alarm {
-    /// Powered up; not a fault.
-    pub const RESET: Self = Self(0x00);
-    /// A command the firmware does not know.
-    pub const UNDEFINED_INSTRUCTION: Self = Self(0x01);
     /// The target lies at a singularity.
     pub const PLAN_SINGULARITY: Self = Self(0x10);
     /// The target lies outside the reach.
@@ -84,26 +80,25 @@ impl Alarm {
     pub const PLAN_REPEATED_POINT: Self = Self(0x13);
     /// The points of an arc lie on a line.
     pub const PLAN_ARC_INPUT: Self = Self(0x14);
-    /// On its way the arm came to the end of its reach.
-    pub const MOVE_OUT_OF_REACH: Self = Self(0x21);
-    /// On its way the arm came to a joint limit.
-    pub const MOVE_JOINT_LIMIT: Self = Self(0x22);
 
     /// What the alarm means and what to do about it.
     #[must_use]
     pub fn explain(self) -> Explanation {
         let code = self.0;
-        if let Some((_, says, remedy)) = SINGLE.iter().find(|(known, ..)| *known == code) {
-            return Explanation { says: (*says).to_owned(), remedy };
+        if let Some((_, description, remedy)) = SINGLE.iter().find(|(known, ..)| *known == code) {
+            return Explanation { description: (*description).to_owned(), remedy };
         }
         let axis = |first: u8, per_axis: u8| (code - first) / per_axis + 1;
         match code {
             0x30..=0x33 => Explanation {
-                says: format!("joint {} was asked to turn faster than it can", axis(0x30, 1)),
+                description: format!(
+                    "joint {} was asked to turn faster than it can",
+                    axis(0x30, 1)
+                ),
                 remedy: "lower the speed or keep away from the arm's own axis",
             },
             0x40..=0x47 => Explanation {
-                says: format!(
+                description: format!(
                     "joint {} is at its {} limit",
                     axis(0x40, 2),
                     if code.is_multiple_of(2) { "upper" } else { "lower" }
@@ -111,22 +106,22 @@ impl Alarm {
                 remedy: "move the joint back by hand (hold UNLOCK) or by jogging, then clear",
             },
             0x50..=0x53 => Explanation {
-                says: format!(
+                description: format!(
                     "joint {} lost steps: it hit something or was too fast",
                     axis(0x50, 1)
                 ),
                 remedy: "free the arm, lower the acceleration or the load, home again",
             },
             0x60..=0x6b => Explanation {
-                says: format!("the motor driver of joint {} reports a fault", axis(0x60, 3)),
+                description: format!("the motor driver of joint {} reports a fault", axis(0x60, 3)),
                 remedy: "switch the arm off for ten seconds; if it comes back, have it serviced",
             },
             0x70..=0xb2 => Explanation {
-                says: format!("motor fault 0x{code:02x} of another Dobot model"),
+                description: format!("motor fault 0x{code:02x} of another Dobot model"),
                 remedy: "check that the device is a Magician; switch it off for ten seconds",
             },
             _ => Explanation {
-                says: format!("alarm 0x{code:02x}, which no document names"),
+                description: format!("alarm 0x{code:02x}, which no document names"),
                 remedy: "clear it; if it comes back, switch the arm off for ten seconds",
             },
         }
@@ -135,8 +130,8 @@ impl Alarm {
 
 impl std::fmt::Display for Alarm {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Explanation { says, remedy } = self.explain();
-        write!(f, "alarm 0x{:02x}: {says} ({remedy})", self.0)
+        let Explanation { description, remedy } = self.explain();
+        write!(f, "alarm 0x{:02x}: {description} ({remedy})", self.0)
     }
 }
 
@@ -144,7 +139,7 @@ impl std::fmt::Display for Alarm {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Explanation {
     /// What happened.
-    pub says: String,
+    pub description: String,
     /// What to do.
     pub remedy: &'static str,
 }
@@ -217,8 +212,8 @@ mod tests {
     #[test]
     fn every_code_has_words_and_a_remedy() {
         for code in 0..=u8::MAX {
-            let Explanation { says, remedy } = Alarm(code).explain();
-            assert!(says.len() > 10 && remedy.len() > 10, "0x{code:02x}");
+            let Explanation { description, remedy } = Alarm(code).explain();
+            assert!(description.len() > 10 && remedy.len() > 10, "0x{code:02x}");
         }
         assert!(Alarm(0x45).to_string().contains("joint 3 is at its lower limit"));
         assert!(Alarm(0x68).to_string().contains("joint 3"));

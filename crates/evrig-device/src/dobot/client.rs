@@ -178,15 +178,6 @@ impl ArmClient {
         Ok(Identity { name, serial, firmware })
     }
 
-    /// Milliseconds since the arm was switched on, and when that held.
-    ///
-    /// # Errors
-    /// No answer, or a short one.
-    pub fn device_time(&mut self) -> Result<(u32, Exchange), ArmClientError> {
-        let exchange = self.ask(&read(id::DEVICE_TIME))?;
-        Ok((reply::device_time_ms(&exchange.reply)?, exchange))
-    }
-
     /// Where the planner is.
     ///
     /// # Errors

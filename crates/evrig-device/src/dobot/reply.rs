@@ -99,14 +99,6 @@ pub fn queue_space(reply: &ArmFrame) -> Result<u64, Malformed> {
     if reply.params().len() >= 8 { index(reply) } else { fields(reply).int().map(u64::from) }
 }
 
-/// Reads the reply to [`super::id::DEVICE_TIME`]: milliseconds since boot.
-///
-/// # Errors
-/// When it is shorter than four bytes.
-pub fn device_time_ms(reply: &ArmFrame) -> Result<u32, Malformed> {
-    fields(reply).int()
-}
-
 /// Reads `N` floats from the front of a reply.
 ///
 /// # Errors

@@ -133,12 +133,6 @@ impl WorldEffects {
     pub fn on(&self) -> Vec<EffectId> {
         self.keys_on().into_iter().filter_map(|key| key.parse().ok()).collect()
     }
-
-    /// Whether an effect without an [`EffectId`] is active.
-    #[must_use]
-    pub fn has_unnamed(&self) -> bool {
-        self.keys_on().into_iter().any(|key| key.parse::<EffectId>().is_err())
-    }
 }
 
 #[cfg(test)]
