@@ -177,15 +177,15 @@ fn to_sink(seconds: f64, compression: Compression) -> bool {
     let (load, mut recorders) = Load::new(Pace::Real);
     let rehearsal = DryRun { compression, ..DryRun::of(Duration::from_secs_f64(seconds)) };
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
-    let mut told = Duration::ZERO;
+    let mut last_report = Duration::ZERO;
     let mut after_start_kb = None;
     let mut watch = |since: Duration, tallies: &[evrig::record::recorder::RecorderTally]| {
         // Every queue and buffer has been used by then.
         if since.as_secs() >= 10 {
             after_start_kb.get_or_insert_with(|| status_kb("VmHWM:"));
         }
-        if since - told >= Duration::from_secs(60) {
-            told = since;
+        if since - last_report >= Duration::from_secs(60) {
+            last_report = since;
             let n_dropped: u64 = tallies.iter().map(|tally| tally.n_dropped).sum();
             let resident = status_kb("VmRSS:") / 1024;
             println!("{:>5} s: {n_dropped} dropped, {resident} MB resident", since.as_secs());
@@ -194,29 +194,29 @@ fn to_sink(seconds: f64, compression: Compression) -> bool {
     let stop = StopToken::default();
     let rehearsed = dry_run(&mut recorders, rehearsal, &stop, &mut watch).unwrap();
     let wall = began.elapsed().as_secs_f64();
-    let heard = &rehearsed.heard;
+    let check = &rehearsed.check;
     let n_dropped: u64 = rehearsed.tallies.iter().map(|tally| tally.n_dropped).sum();
-    let mega = heard.n_bytes as f64 * 1e-6;
+    let mega = check.n_bytes as f64 * 1e-6;
     println!("verified   {mega:.0} MB in {wall:.1} s, {:.0} MB/s", mega / wall);
     println!(
         "           {} events, {} raw and {} RGB frames, {n_dropped} samples dropped",
-        heard.n_events, heard.n_raw, heard.n_rgb
+        check.n_events, check.n_raw, check.n_rgb
     );
     println!(
         "recorder   {:.2} cores (and {:.2} to read it back), peak memory {} MB, {} MB of it within 10 s",
-        cores(&load, before, rehearsed.hearing.as_nanos(), wall),
-        rehearsed.hearing.as_secs_f64() / wall,
+        cores(&load, before, rehearsed.check_cpu.as_nanos(), wall),
+        rehearsed.check_cpu.as_secs_f64() / wall,
         status_kb("VmHWM:") / 1024,
         after_start_kb.unwrap_or(0) / 1024,
     );
     let made = load.made();
-    let same = heard.n_events == made.n_events
-        && heard.event_sum == made.event_sum
-        && (heard.n_raw, heard.raw_sum) == (made.n_raw, made.raw_sum)
-        && (heard.n_rgb, heard.rgb_sum) == (made.n_rgb, made.rgb_sum);
+    let same = check.n_events == made.n_events
+        && check.event_sum == made.event_sum
+        && (check.n_raw, check.raw_sum) == (made.n_raw, made.raw_sum)
+        && (check.n_rgb, check.rgb_sum) == (made.n_rgb, made.rgb_sum);
     println!("sums       {}", if same { "as made" } else { "NOT as made" });
-    heard.problems.iter().for_each(|problem| println!("problem    {problem}"));
-    same && heard.problems.is_empty() && n_dropped == 0
+    check.problems.iter().for_each(|problem| println!("problem    {problem}"));
+    same && check.problems.is_empty() && n_dropped == 0
 }
 
 fn main() -> ExitCode {

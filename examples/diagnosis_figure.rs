@@ -11,7 +11,7 @@ use evrig::stats::read_back;
 use std::error::Error;
 
 const USAGE: &str = "usage: diagnosis_figure diagnosis.json OUT.svg";
-/// Places that can be read in the picture.
+/// Places that can be read in the image.
 const N_PLACES: usize = 8;
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -198,11 +198,11 @@ fn run(case: &Case) -> Result<(), Box<dyn Error>> {
     let begun = Instant::now();
     let registration = align_davis(&mut reconstruction, &known, &aps)?;
     println!("  reconstruction {surveyed:.2} s, tie {:.2} s", begun.elapsed().as_secs_f64());
-    tell(case, &reconstruction, &registration);
+    print_case(case, &reconstruction, &registration);
     Ok(())
 }
 
-fn tell(case: &Case, reconstruction: &Reconstruction, registration: &Registration) {
+fn print_case(case: &Case, reconstruction: &Reconstruction, registration: &Registration) {
     let Case { rig, .. } = case;
     let [seen, lost] = reconstruction.n_frames;
     println!(
@@ -235,7 +235,7 @@ fn tell(case: &Case, reconstruction: &Reconstruction, registration: &Registratio
     drive_errors(case, &drive);
 }
 
-/// Places of the picture in the DAVIS against the truth, over time.
+/// Places of the image in the DAVIS against the truth, over time.
 fn tell_places(case: &Case, drive: &SceneDrive, gauge: &Homography) {
     let Case { rig, world, seconds, .. } = case;
     let per_mm = rig.davis.camera.pixels_per_mm(rig.target.stand_off);
@@ -263,7 +263,7 @@ fn tell_places(case: &Case, drive: &SceneDrive, gauge: &Homography) {
         moving.extend(errors.iter().map(|e| (e[0] - mean[0]).hypot(e[1] - mean[1])));
     }
     println!(
-        "  DAVIS: at the picture {:.4} px rms constant, {:.4} px rms moving",
+        "  DAVIS: at the image {:.4} px rms constant, {:.4} px rms moving",
         rms(constant.into_iter()),
         rms(moving.into_iter())
     );

@@ -67,12 +67,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let size = rig.davis.camera.size;
-    let mut picture = vec![128_u8; size.n_pixels()];
+    let mut image = vec![128_u8; size.n_pixels()];
     let start = world.clocks().davis(Span::from_secs_f64(1.2)).as_micros();
     for event in packet.events.as_slice().between(start, start + 20_000).iter() {
-        picture[size.index(event.x, event.y)] = if event.on { 255 } else { 0 };
+        image[size.index(event.x, event.y)] = if event.on { 255 } else { 0 };
     }
     let [w, h] = [u32::from(size.width), u32::from(size.height)];
-    image::save_buffer(out.join("events.png"), &picture, w, h, image::ColorType::L8)?;
+    image::save_buffer(out.join("events.png"), &image, w, h, image::ColorType::L8)?;
     Ok(())
 }

@@ -21,7 +21,7 @@ const N_ROUNDS: u32 = 40;
 fn main() {
     println!("{SIZE} at {FRAMES_PER_S} frames per second; Mbit/s is the resulting network load");
     println!(
-        "gain  picture  coder           share    Mbit/s  encode MB/s  decode MB/s of processor"
+        "gain  image    coder           share    Mbit/s  encode MB/s  decode MB/s of processor"
     );
     for gain in [1.0, 4.0, 10.0] {
         let raw = samples(gain);
@@ -64,14 +64,14 @@ fn unzstd(bytes: &[u8], n: usize) -> Vec<u8> {
 
 fn measure(
     gain: f64,
-    picture: &str,
+    image: &str,
     coder: &str,
     bytes: &[u8],
     encode: impl Fn(&[u8]) -> Vec<u8>,
     decode: impl Fn(&[u8], usize) -> Vec<u8>,
 ) {
     let coded = encode(bytes);
-    assert_eq!(decode(&coded, bytes.len()), bytes, "{coder} of {picture}");
+    assert_eq!(decode(&coded, bytes.len()), bytes, "{coder} of {image}");
     let speed = |work: &dyn Fn()| {
         let began = processor_s();
         (0..N_ROUNDS).for_each(|_| work());
@@ -82,7 +82,7 @@ fn measure(
     let share = coded.len() as f64 / bytes.len() as f64;
     let mbit = coded.len() as f64 * 8e-6 * FRAMES_PER_S;
     println!(
-        "{gain:>4}  {picture:<7}  {coder:<14}  {share:.3}  {mbit:>8.0}  {encoded:>11.0}  {decoded:>11.0}"
+        "{gain:>4}  {image:<7}  {coder:<14}  {share:.3}  {mbit:>8.0}  {encoded:>11.0}  {decoded:>11.0}"
     );
 }
 

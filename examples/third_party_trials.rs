@@ -182,7 +182,7 @@ fn afterwards(events: EventStream, truth: &SealedTruth, seed: u64) -> EventStrea
     events
 }
 
-/// A image that repeats itself: blurred noise, in logarithms, from about a tenth of white up.
+/// An image that repeats itself: blurred noise, in logarithms, from about a tenth of white up.
 fn image(random: &mut SplitMix) -> Vec<f64> {
     let mut layer: Vec<f64> = (0..SIDE * SIDE).map(|_| random.normal()).collect();
     // Three passes of a box are close to a Gaussian; its deviation is two pixels.

@@ -87,8 +87,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         for _ in 0..n {
             let corners = random_corners(dice.between(28.0, 30.0), &taking, &mut dice);
             let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i])))?;
-            let picture = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
-            let bytes = to_8_bits(&picture, noise, &mut dice);
+            let image = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
+            let bytes = to_8_bits(&image, noise, &mut dice);
             if let Some(found) = detect_by_library(&bytes, 1.0)? {
                 whole.take(&found, &corners);
             }

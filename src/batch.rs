@@ -96,7 +96,7 @@ pub enum BatchError {
     Slurm {
         /// The command.
         command: String,
-        /// What it said.
+        /// Its message.
         what: String,
     },
     /// The disk refuses, which concerns every session.

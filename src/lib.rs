@@ -31,7 +31,7 @@
 //! 4. The recording engine knows no device by name; the simulated rig is another rig file.
 //! 5. Stopping the arm depends on no other device, no lock held elsewhere and no allocation that
 //!    can fail: a guard process owns the serial port and stops the arm when its pipe closes.
-//! 6. Every count in a report is recomputed from files, not taken from what a device said.
+//! 6. Every count in a report is recomputed from files, not taken from what a device reported.
 //! 7. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
 pub use evrig_analysis::{calibrate, compare, diagnose, filter, predict};

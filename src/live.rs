@@ -168,18 +168,23 @@ impl Live {
         Ok(())
     }
 
-    /// Shows the events since the last call as a picture. To be called some thirty times a second.
+    /// Shows the events since the last call as an image. To be called some thirty times a second.
     pub fn show_events(&mut self, now: HostTime) {
-        let picture = self.view.take_events();
+        let image = self.view.take_events();
         #[cfg(feature = "foxglove")]
         if let Some(foxglove) = &self.foxglove {
-            foxglove.events(&picture, now);
+            foxglove.events(&image, now);
         }
-        let _ = (picture, now);
+        let _ = (image, now);
     }
 
     /// How it goes since the last call, which it also shows. `n_dropped` is what the devices lost.
-    pub fn tell(&mut self, now: HostTime, pose: Option<Pose>, n_dropped: u64) -> LiveStatus {
+    pub fn update_status(
+        &mut self,
+        now: HostTime,
+        pose: Option<Pose>,
+        n_dropped: u64,
+    ) -> LiveStatus {
         let n_viewer = self.events.n_dropped() + self.frames.n_dropped();
         let status = self.view.status(now, pose, n_dropped, n_viewer);
         #[cfg(feature = "foxglove")]

@@ -75,7 +75,7 @@ pub enum Freshness {
     Fresh,
 }
 
-/// The record in `directory` if it tells of the same run as `wanted` and its outputs are there.
+/// The record in `directory` if it describes the same run as `wanted` and its outputs are there.
 fn fresh_record(directory: &Path, wanted: &StageRecord) -> Option<StageRecord> {
     let record = read_stage(directory)?;
     let has_outputs = record.outputs.keys().all(|name| directory.join(name).exists());
@@ -116,13 +116,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_result_that_is_cut_off_is_told_with_what_to_do() {
+    fn a_result_that_is_cut_off_is_reported_with_what_to_do() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("numbers.json");
         assert!(read_json::<Vec<f64>>(path.clone()).unwrap().is_none());
         std::fs::write(&path, "[1.0, null, 2").unwrap();
-        let said = read_json::<Vec<f64>>(path.clone()).unwrap_err().to_string();
-        assert!(said.contains("numbers.json") && said.contains("--force"), "{said}");
+        let message = read_json::<Vec<f64>>(path.clone()).unwrap_err().to_string();
+        assert!(message.contains("numbers.json") && message.contains("--force"), "{message}");
         std::fs::write(&path, "[1.0, null, 2]").unwrap();
         assert!(read_json::<Vec<f64>>(path).unwrap().unwrap()[1].is_nan());
     }

@@ -46,12 +46,12 @@ fn drops_are_counted_and_memory_is_bounded_by_the_queues_when_cameras_outrun_the
     }
     let n_dropped: u64 = rehearsed.tallies.iter().map(|tally| tally.n_dropped).sum();
     assert!(n_dropped > 0, "the queues were never full");
-    let (made, heard) = (load.made(), &rehearsed.heard);
-    assert_eq!((heard.n_events, heard.event_sum), (made.n_events, made.event_sum));
-    assert_eq!((heard.n_raw, heard.raw_sum), (made.n_raw, made.raw_sum));
-    assert_eq!((heard.n_rgb, heard.rgb_sum), (made.n_rgb, made.rgb_sum));
+    let (made, check) = (load.made(), &rehearsed.check);
+    assert_eq!((check.n_events, check.event_sum), (made.n_events, made.event_sum));
+    assert_eq!((check.n_raw, check.raw_sum), (made.n_raw, made.raw_sum));
+    assert_eq!((check.n_rgb, check.rgb_sum), (made.n_rgb, made.rgb_sum));
     let gaps_alone = |problem: &String| problem.contains("do not follow one another");
-    assert!(heard.problems.iter().all(gaps_alone), "{:?}", heard.problems);
+    assert!(check.problems.iter().all(gaps_alone), "{:?}", check.problems);
     let grown = status_bytes("VmHWM:") - before;
     let bound = 2 * QUEUE_BYTES + OTHER_BYTES;
     assert!(grown <= bound, "{} MB of at most {} MB", grown >> 20, bound >> 20);

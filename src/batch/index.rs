@@ -64,7 +64,7 @@ pub struct IndexedSession {
     pub rig: Option<String>,
     /// The trajectory it was recorded along.
     pub trajectory: Option<String>,
-    /// SHA-256 of the picture that was shown; none where the session states none.
+    /// SHA-256 of the image that was shown; none where the session states none.
     #[serde(default)]
     pub stimulus: Option<String>,
     /// The part it is in.
@@ -363,7 +363,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_told_apart_by_their_numbers() {
+    fn versions_are_distinguished_by_their_numbers() {
         assert!(is_newer("99.0.0") && is_newer("0.100.0"));
         assert!(!is_newer(env!("CARGO_PKG_VERSION")) && !is_newer("0.0.9") && !is_newer(""));
     }

@@ -59,7 +59,7 @@ fn host() -> String {
 
 impl Drop for LockGuard {
     fn drop(&mut self) {
-        // An empty file tells nothing of a run that is over; the lock itself ends with the file.
+        // An empty file does not describe a run that is over; the lock itself ends with the file.
         let _ = self.file.set_len(0);
     }
 }
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_second_run_is_told_who_has_the_dataset() {
+    fn a_second_run_is_refused_and_names_who_has_the_dataset() {
         let directory = tempfile::tempdir().unwrap();
         let held = lock_dataset(directory.path()).unwrap();
         let error = lock_dataset(directory.path()).unwrap_err().to_string();

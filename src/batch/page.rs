@@ -27,7 +27,7 @@ pub fn comparison_page(aggregate: &Aggregate) -> Page {
 #[must_use]
 pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
     let n = |verdict| index.n_with(verdict);
-    let said = format!(
+    let message = format!(
         "{} sessions: {} processed, {} with losses, {} failed.",
         index.sessions.len(),
         n(Some(OutcomeKind::Ok)),
@@ -52,7 +52,7 @@ pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
         title: index.name.clone(),
         kind: "Dataset report".into(),
         summary: ReportSummary {
-            headline: said,
+            headline: message,
             remarks: index.warnings.clone(),
             facts,
             figure: None,

@@ -203,12 +203,12 @@ pub(super) fn refuse_if_under_way(root: &Path) -> Result<(), BatchError> {
 }
 
 fn sbatch(arguments: &[String]) -> Result<u64, BatchError> {
-    let said = run("sbatch", arguments)?;
+    let message = run("sbatch", arguments)?;
     // `--parsable` prints the number, with `;cluster` behind it on a federation.
-    let number = said.trim().split(';').next().unwrap_or_default().parse();
+    let number = message.trim().split(';').next().unwrap_or_default().parse();
     number.map_err(|_| BatchError::Slurm {
         command: "sbatch".into(),
-        what: format!("expected a job's number, got `{}`", said.trim()),
+        what: format!("expected a job's number, got `{}`", message.trim()),
     })
 }
 

@@ -21,8 +21,8 @@ pub enum SplitBy {
     /// A recording.
     #[default]
     Recording,
-    /// A picture that was shown while recording: all recordings of it are in one part. A session that
-    /// states no picture counts as one of its own.
+    /// An image that was shown while recording: all recordings of it are in one part. A session that
+    /// states no image counts as one of its own.
     Stimulus,
 }
 
@@ -107,15 +107,15 @@ impl Splits {
         self.seed
     }
 
-    /// The part a session is in, from the checksums of the picture or of what was recorded.
+    /// The part a session is in, from the checksums of the image or of what was recorded.
     #[must_use]
     pub fn of(&self, manifest: &Manifest) -> &str {
         let mut text = if self.seed == 0 { String::new() } else { format!("{} ", self.seed) };
-        if let (SplitBy::Stimulus, Some(picture)) = (self.by, stimulus(manifest)) {
-            return self.at(fraction(&format!("{text}stimulus {picture}")));
+        if let (SplitBy::Stimulus, Some(image)) = (self.by, stimulus(manifest)) {
+            return self.at(fraction(&format!("{text}stimulus {image}")));
         }
         for (file, entry) in &manifest.files {
-            // The journal tells when a session was made and differs between imports of one recording.
+            // The journal contains when a session was made and differs between imports of one recording.
             if file != "journal.jsonl" {
                 text.push_str(&format!("{} ", entry.sha256));
             }
@@ -136,7 +136,7 @@ impl Splits {
     }
 }
 
-/// SHA-256 of the picture that was shown while a session was recorded; none where it states none.
+/// SHA-256 of the image that was shown while a session was recorded; none where it states none.
 #[must_use]
 pub fn stimulus(manifest: &Manifest) -> Option<&str> {
     let recording = manifest.recording.as_ref()?;
@@ -170,11 +170,11 @@ mod tests {
         }
     }
 
-    /// A session of one recorded file, and of a picture where there is one.
-    fn manifest(file: u64, picture: Option<u64>) -> Manifest {
-        let shown = picture.map(|picture| {
+    /// A session of one recorded file, and of an image where there is one.
+    fn manifest(file: u64, image: Option<u64>) -> Manifest {
+        let shown = image.map(|image| {
             json!({
-                "name": "stimulus", "says": { "sha256": format!("{picture:064x}") },
+                "name": "stimulus", "description": { "sha256": format!("{image:064x}") },
                 "n_samples": 0, "n_dropped": 0, "lost": null,
             })
         });
@@ -193,25 +193,24 @@ mod tests {
     }
 
     #[test]
-    fn no_two_parts_share_a_picture_and_a_seed_shares_out_anew() {
-        let by_picture = Splits::default().drawn(SplitBy::Stimulus, 0);
+    fn no_two_parts_share_an_image_and_a_seed_shares_out_anew() {
+        let by_image = Splits::default().drawn(SplitBy::Stimulus, 0);
         let another = Splits::default().drawn(SplitBy::Stimulus, 1);
         let by_recording = Splits::default();
         let (mut n_moved, mut n_torn) = (0, 0);
-        for picture in 0..60 {
-            let sessions: Vec<_> =
-                (0..5).map(|i| manifest(100 * picture + i, Some(picture))).collect();
-            let part = by_picture.of(&sessions[0]);
-            assert!(sessions.iter().all(|session| by_picture.of(session) == part), "{picture}");
+        for image in 0..60 {
+            let sessions: Vec<_> = (0..5).map(|i| manifest(100 * image + i, Some(image))).collect();
+            let part = by_image.of(&sessions[0]);
+            assert!(sessions.iter().all(|session| by_image.of(session) == part), "{image}");
             n_moved += usize::from(another.of(&sessions[0]) != part);
             let first = by_recording.of(&sessions[0]);
             n_torn += usize::from(sessions.iter().any(|s| by_recording.of(s) != first));
         }
-        // Of 60 pictures 34 % move on average, and of recordings 66 % of five are torn apart.
+        // Of 60 images 34 % move on average, and of recordings 66 % of five are torn apart.
         assert!((5..40).contains(&n_moved) && n_torn > 20, "{n_moved} {n_torn}");
-        // Where no picture is stated, a recording stands for itself.
+        // Where no image is stated, a recording counts as its own.
         let alone = manifest(7, None);
-        assert_eq!((stimulus(&alone), by_picture.of(&alone)), (None, by_recording.of(&alone)));
+        assert_eq!((stimulus(&alone), by_image.of(&alone)), (None, by_recording.of(&alone)));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig record sim circle --out sessions/simulated\n  \
     evrig record rig/lab.toml circle --out sessions/one\n  \
-    evrig record rig/lab.toml circle --images pictures.csv --out dataset\n  \
+    evrig record rig/lab.toml circle --images images.csv --out dataset\n  \
     evrig record rig/lab.toml protocol --without-optional --out sessions/two\n  \
     evrig record rig/lab.toml circle --repeat 50 --out datasets/monday\n  \
     evrig record rig/lab.toml circle --resume --out datasets/monday\n\n\

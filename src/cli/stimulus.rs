@@ -7,8 +7,8 @@ use std::path::PathBuf;
 /// Arguments of `evrig stimulus`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
-    evrig stimulus rig/lab.toml --images pictures\n  \
-    evrig stimulus rig/lab.toml --images pictures.csv --px-per-mm 3.78\n\n\
+    evrig stimulus rig/lab.toml --images images\n  \
+    evrig stimulus rig/lab.toml --images images.csv --px-per-mm 3.78\n\n\
     On the page: c calibrates with a bank card, f is full screen, arrow keys change the image, space\n\
     pauses. `evrig record ... --images LIST` serves the same page and changes images itself. Ctrl-C ends.")]
 pub struct StimulusArgs {

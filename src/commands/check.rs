@@ -88,17 +88,19 @@ fn disk(out: &Path, needed: u64) -> Finding {
     let free = match rustix::fs::statvfs(out) {
         Ok(space) => space.f_bavail * space.f_frsize,
         Err(error) => {
-            let says = format!("{}: {error}; give a directory that exists as --out", out.display());
-            return Finding::bad("disk", says);
+            let description =
+                format!("{}: {error}; give a directory that exists as --out", out.display());
+            return Finding::bad("disk", description);
         }
     };
-    let says = format!("{:.1} GB free in {}, {:.1} GB needed", gb(free), out.display(), gb(needed));
+    let description =
+        format!("{:.1} GB free in {}, {:.1} GB needed", gb(free), out.display(), gb(needed));
     match free {
         free if free < needed => {
-            Finding::bad("disk", format!("{says}; free space or record elsewhere"))
+            Finding::bad("disk", format!("{description}; free space or record elsewhere"))
         }
-        free if free < needed + needed / 2 => Finding::doubt("disk", says),
-        _ => Finding::good("disk", says),
+        free if free < needed + needed / 2 => Finding::doubt("disk", description),
+        _ => Finding::good("disk", description),
     }
 }
 
@@ -110,7 +112,7 @@ fn clock() -> Finding {
         ("/run/ntpd.pid", "ntpd runs"),
     ];
     match SIGNS.iter().find(|(file, _)| Path::new(file).exists()) {
-        Some((_, says)) => Finding::good("clock", *says),
+        Some((_, description)) => Finding::good("clock", *description),
         None => Finding::doubt(
             "clock",
             "nothing seems to discipline this machine's clock; install chrony, on the Pi too, \

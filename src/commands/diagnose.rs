@@ -102,8 +102,8 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
             place.description, place.excess_nats_per_event
         );
     }
-    if let Some(says) = diagnosis.coarse_stamps() {
-        text += &format!("\n{says}");
+    if let Some(note) = diagnosis.coarse_stamps() {
+        text += &format!("\n{note}");
     }
     if let Some(next) = &diagnosis.next_recording {
         text += &format!("\nto distinguish them, record {next}");

@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 /// Bytes that wait to be shown; what does not fit is dropped and counted.
 const QUEUE_BYTES: usize = 32 << 20;
-/// Between two event pictures.
+/// Between two event images.
 const PICTURE_INTERVAL: Duration = Duration::from_millis(33);
 /// Between two lines of rates.
 const STATUS_INTERVAL: Duration = Duration::from_secs(1);
@@ -163,9 +163,9 @@ fn watch(
 ) -> anyhow::Result<Watched> {
     let began = Instant::now();
     let limit = args.seconds.map(Duration::try_from_secs_f64).transpose()?;
-    let status = live.tell(host_time(), None, 0);
+    let status = live.update_status(host_time(), None, 0);
     let mut watched = Watched { status, n_samples: 0, n_events: 0 };
-    let [mut shown, mut told] = [began; 2];
+    let [mut shown, mut updated] = [began; 2];
     while !is_ending.load(Ordering::Relaxed) && limit.is_none_or(|limit| began.elapsed() < limit) {
         match inlet.take(PICTURE_INTERVAL) {
             Received::Sample(sample) => {
@@ -185,18 +185,18 @@ fn watch(
             shown = Instant::now();
             live.show_events(host_time());
         }
-        if told.elapsed() >= STATUS_INTERVAL {
-            told = Instant::now();
-            watched.status = tell(live, source)?;
+        if updated.elapsed() >= STATUS_INTERVAL {
+            updated = Instant::now();
+            watched.status = update_status(live, source)?;
             output.say(&watched.status);
         }
     }
     live.show_events(host_time());
-    watched.status = tell(live, source)?;
+    watched.status = update_status(live, source)?;
     Ok(watched)
 }
 
-fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<LiveStatus> {
+fn update_status(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<LiveStatus> {
     let mut n_dropped = 0;
     for recorder in &mut source.recorders {
         n_dropped += recorder.progress()?.n_dropped;
@@ -204,5 +204,5 @@ fn tell(live: &mut Live, source: &mut LiveSource) -> anyhow::Result<LiveStatus> 
     // Without a motion under way an arm may have no pose to give.
     let arm = source.rig.as_mut().map(|rig| &mut rig.devices.arm);
     let pose = arm.and_then(|arm| arm.progress().ok()).map(|progress| progress.pose.pose);
-    Ok(live.tell(host_time(), pose, n_dropped))
+    Ok(live.update_status(host_time(), pose, n_dropped))
 }

@@ -121,9 +121,9 @@ impl Foxglove {
         }
     }
 
-    pub(super) fn events(&self, picture: &EventImage, now: HostTime) {
-        let data = picture.rgb.clone();
-        self.events.log(&image(time(now.unix), picture.size, "rgb8", "davis", data));
+    pub(super) fn events(&self, event_image: &EventImage, now: HostTime) {
+        let data = event_image.rgb.clone();
+        self.events.log(&image(time(now.unix), event_image.size, "rgb8", "davis", data));
     }
 
     pub(super) fn status(&self, status: &LiveStatus, pose: Option<Pose>, now: HostTime) {

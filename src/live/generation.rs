@@ -25,7 +25,7 @@ use std::thread::JoinHandle;
 /// Frames that may wait for the generator.
 const N_WAITING: usize = 2;
 
-/// Which picture of the Pi's frames the events are made of.
+/// Which image of the Pi's frames the events are made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PiLight {
     /// The raw mosaic.
@@ -37,7 +37,7 @@ pub enum PiLight {
 /// What is generated, and how old it may be.
 #[derive(Debug, Clone)]
 pub struct GenerationSettings {
-    /// The picture.
+    /// The image.
     pub light: PiLight,
     /// Columns and rows of the frames.
     pub size: Size,
@@ -45,7 +45,7 @@ pub struct GenerationSettings {
     pub parameters: GenerateParameters,
     /// Delay from row to row of the camera's frames; zero where it is not known.
     pub row_time: Span,
-    /// What is done to a picture first.
+    /// What is done to an image first.
     pub preparation: FramePreparation,
     /// Frames older than this are left out.
     pub bound: Span,
@@ -70,7 +70,7 @@ pub struct GenerationTally {
     pub generator: LiveCounts,
     /// Frames left out because two were waiting.
     pub n_dropped: u64,
-    /// Frames without the wanted picture, or with one that cannot be read.
+    /// Frames without the wanted image, or with one that cannot be read.
     pub n_unreadable: u64,
     /// Why the first frame that could not be used could not.
     pub first_refusal: Option<String>,
@@ -233,13 +233,13 @@ impl Worker {
         let samples = raw10::unpack(packed, size, row).map_err(|error| error.to_string())?;
         let order = metadata.bayer.parse().map_err(|error: UnknownKeyword| error.to_string())?;
         let plain = samples.iter().map(|sample| f32::from(*sample)).collect();
-        let picture = SourceFrame {
+        let image = SourceFrame {
             size,
             mosaic: Some((&samples, order)),
             black_dn: metadata.black_levels.map(f32::from),
             exposure_gain: Some(exposure_gain(metadata)),
         };
-        Ok(self.preparer.prepare(t_us, &picture, plain))
+        Ok(self.preparer.prepare(t_us, &image, plain))
     }
 
     fn rgb(&mut self, frame: &PiFrame, t_us: i64) -> Result<Luminance, String> {
@@ -250,13 +250,13 @@ impl Worker {
         }
         let pixels = rgb.as_chunks::<3>().0.iter();
         let plain = pixels.map(|rgb| luma(rgb.map(f32::from))).collect();
-        let picture = SourceFrame {
+        let image = SourceFrame {
             size,
             mosaic: None,
             black_dn: [0.0; 4],
             exposure_gain: Some(exposure_gain(metadata)),
         };
-        Ok(self.preparer.prepare(t_us, &picture, plain))
+        Ok(self.preparer.prepare(t_us, &image, plain))
     }
 }
 

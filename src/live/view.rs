@@ -15,7 +15,7 @@ use evrig_session::rig::Pose;
 /// Between two searches for the tag: five a second cost little of a core.
 const BETWEEN_LOOKS: Span = Span::from_micros(200_000);
 
-/// Events of a short time as a picture: blue where it grew brighter, red where darker.
+/// Events of a short time as an image: blue where it grew brighter, red where darker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EventImage {
     /// Columns and rows.
@@ -24,7 +24,7 @@ pub struct EventImage {
     pub rgb: Vec<u8>,
 }
 
-/// Rates, the event picture, and where the tag is.
+/// Rates, the event image, and where the tag is.
 #[derive(Debug)]
 pub struct LiveView {
     size: Size,
@@ -83,7 +83,7 @@ impl LiveView {
                 let offset = (exchange.pi.realtime - middle).as_nanos();
                 self.clock = Some([offset as f64 * 1e-3, round as f64 * 0.5e-3]);
             }
-            // A picture that comes after the take, and remarks for the log, are nothing to look at.
+            // An image that comes after the take, and remarks for the log, are nothing to look at.
             RecorderSample::LateRgb { .. } | RecorderSample::Note { .. } => {}
         }
     }
@@ -188,13 +188,13 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_shows_the_sign_of_each_pixels_events_once() {
+    fn the_image_shows_the_sign_of_each_pixels_events_once() {
         let mut view = view();
         view.take(&packet(&[(0, 0, true), (3, 1, false), (1, 0, true), (1, 0, false)]));
-        let picture = view.take_events();
-        assert_eq!(picture.rgb[..3], [30, 80, 220]);
-        assert_eq!(picture.rgb[3..6], [255; 3]);
-        assert_eq!(picture.rgb[21..], [220, 50, 40]);
+        let image = view.take_events();
+        assert_eq!(image.rgb[..3], [30, 80, 220]);
+        assert_eq!(image.rgb[3..6], [255; 3]);
+        assert_eq!(image.rgb[21..], [220, 50, 40]);
         assert!(view.take_events().rgb.iter().all(|value| *value == 255));
     }
 
@@ -218,8 +218,8 @@ mod tests {
     }
 
     #[test]
-    fn a_family_that_nobody_knows_is_told() {
-        let said = LiveView::new(Size::new(4, 2), ("tag1", 0)).unwrap_err().to_string();
-        assert!(said.contains("tag1"), "{said}");
+    fn a_family_that_nobody_knows_is_reported() {
+        let message = LiveView::new(Size::new(4, 2), ("tag1", 0)).unwrap_err().to_string();
+        assert!(message.contains("tag1"), "{message}");
     }
 }

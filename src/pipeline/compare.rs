@@ -39,7 +39,7 @@ pub struct ReferenceStream<'a> {
     cut: Option<Option<FilteredEvents>>,
 }
 
-/// A stream in the picture's own coordinates, with the checksums it stands for.
+/// A stream in the target's own coordinates, with the checksums of its source.
 type FilteredEvents = (Arc<Events>, Size, inputs::Inputs);
 
 impl<'a> ReferenceStream<'a> {
@@ -81,7 +81,7 @@ pub fn compare(
     compare_with(&mut ReferenceStream::new(session, &request.real), request)
 }
 
-/// As [`compare()`], with a reference stream that serves several comparisons; it stands for
+/// As [`compare()`], with a reference stream that serves several comparisons; it represents
 /// [`CompareRequest::real`].
 ///
 /// # Errors
@@ -127,7 +127,7 @@ pub fn compare_with(
     Ok((comparison, Freshness::Ran))
 }
 
-/// Both streams as the stage `filter` left them, in the picture's own coordinates.
+/// Both streams as the stage `filter` left them, in the target's own coordinates.
 struct ComparedStreams {
     real: Arc<Events>,
     simulated: Events,
@@ -135,7 +135,7 @@ struct ComparedStreams {
     inputs: inputs::Inputs,
 }
 
-/// Both streams cut to the picture; none unless both were, to the same grid.
+/// Both streams cropped to the target; none unless both were, to the same grid.
 fn cut_alike(
     reference: &mut ReferenceStream<'_>,
     request: &CompareRequest,
@@ -152,7 +152,7 @@ fn cut_alike(
     ))
 }
 
-/// Compares in the picture's own coordinates, where streams of any camera meet.
+/// Compares in the target's own coordinates, where streams of any camera meet.
 fn run_cut(
     reference: &ReferenceStream<'_>,
     request: &CompareRequest,

@@ -124,9 +124,9 @@ pub enum PipelineError {
         /// What is missing and what to do.
         what: String,
     },
-    /// A picture of the report cannot be drawn.
+    /// An image of the report cannot be drawn.
     #[error("the report cannot be drawn: {0}; run the stage `compare` again with --force")]
-    Picture(#[source] PixelImageError),
+    Image(#[source] PixelImageError),
     /// The report cannot be set.
     #[error(transparent)]
     Page(#[from] PageError),

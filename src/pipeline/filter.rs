@@ -159,7 +159,7 @@ pub fn read_filter_tally(session: &Session, stream: &StreamName) -> Option<Filte
     record.tally_as().ok()
 }
 
-/// The filtered events of a stream with their grid, and the checksums they stand for; none when the
+/// The filtered events of a stream with their grid, and the checksums of their source; none when the
 /// stage did not run on the stream as it is now.
 pub(super) fn filtered_events(
     session: &Session,
@@ -184,7 +184,7 @@ pub(super) fn filtered_events(
     Ok(Some((events, size, record.outputs.into_iter().map(inside).collect())))
 }
 
-/// The events of a stream as the stage left them, in the picture's own coordinates, with their grid;
+/// The events of a stream as the stage left them, in the target's own coordinates, with their grid;
 /// none when the stage did not run on the stream as it is now.
 ///
 /// # Errors
@@ -196,7 +196,7 @@ pub fn picture_events(
     Ok(filtered_events(session, stream)?.map(|(events, size, _)| (events, size)))
 }
 
-/// The track that shows where the picture is on the grid of a stream's events.
+/// The track that shows where the image is on the grid of a stream's events.
 ///
 /// # Errors
 /// When the tag was not tracked in the stream's own camera.
@@ -265,7 +265,7 @@ fn region_path(
     })
 }
 
-/// The way from pixels to the picture while events come, cut to the time that the track knows.
+/// The way from pixels to the image while events come, cut to the time that the track knows.
 fn path_of<C: Clock>(
     track: &Track<C>,
     size: Size,

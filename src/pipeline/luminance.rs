@@ -16,7 +16,7 @@ use evrig_session::{
 
 enum CameraFrames {
     Davis(DavisFrames),
-    Pi { pictures: PiCameraFrames, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
+    Pi { images: PiCameraFrames, davis_from_sensor: Box<ClockEstimate<Davis, PiSensor>> },
 }
 
 /// A stream's frames as luminance in ascending time, on the events' clock.
@@ -42,7 +42,7 @@ pub(super) fn luminance(session: &Session, name: &str) -> Result<LuminanceStream
             missing(session, what)
         })?;
         let davis_from_sensor = Box::new(clocks.davis_from(name));
-        CameraFrames::Pi { pictures: session.pi_frames(name)?, davis_from_sensor }
+        CameraFrames::Pi { images: session.pi_frames(name)?, davis_from_sensor }
     } else {
         CameraFrames::Davis(session.davis_frames(name)?)
     };
@@ -91,21 +91,21 @@ impl CameraFrames {
         row_us: &mut f64,
     ) -> Option<Result<Luminance, SessionError>> {
         match self {
-            Self::Davis(pictures) => Some(pictures.next()?.map(|picture| {
-                let frame = &picture.frame;
+            Self::Davis(images) => Some(images.next()?.map(|image| {
+                let frame = &image.frame;
                 let t_us = frame.timing.mid_exposure(frame.size.height / 2).as_micros();
-                let light = preparer.prepare(t_us, &pictured(&picture), frame.brightness());
+                let light = preparer.prepare(t_us, &pictured(&image), frame.brightness());
                 *row_us = row_time_us(frame, &light);
                 light
             })),
-            Self::Pi { pictures, davis_from_sensor } => match pictures.next()? {
+            Self::Pi { images, davis_from_sensor } => match images.next()? {
                 Err(error) => Some(Err(error)),
-                Ok(picture) => {
-                    let frame = &picture.frame;
+                Ok(image) => {
+                    let frame = &image.frame;
                     let at = frame.timing.mid_exposure(frame.size.height / 2);
                     // An estimate has a segment at least, which holds beyond its ends.
                     let t_us = davis_from_sensor.map(at)?.as_micros();
-                    let light = preparer.prepare(t_us, &pictured(&picture), frame.brightness());
+                    let light = preparer.prepare(t_us, &pictured(&image), frame.brightness());
                     *row_us = row_time_us(frame, &light);
                     Some(Ok(light))
                 }
@@ -120,18 +120,18 @@ fn row_time_us<C: Clock>(frame: &Frame<C>, light: &Luminance) -> f64 {
     frame.timing.row_time.as_nanos() as f64 * 1e-3 * rows.round()
 }
 
-/// What preparing a picture needs of it.
-fn pictured<C: Clock>(picture: &RecordedFrame<C>) -> SourceFrame<'_> {
-    let facts = &picture.properties;
-    let mosaic = match (&picture.frame.samples, facts.bayer) {
+/// What preparing an image needs of it.
+fn pictured<C: Clock>(image: &RecordedFrame<C>) -> SourceFrame<'_> {
+    let facts = &image.properties;
+    let mosaic = match (&image.frame.samples, facts.bayer) {
         (Samples::U16(samples), Some(order)) => Some((samples.as_slice(), order)),
         _ => None,
     };
     let exposure_s =
-        picture.frame.timing.exposure.map(|[start, end]| (end - start).as_nanos() as f64 * 1e-9);
+        image.frame.timing.exposure.map(|[start, end]| (end - start).as_nanos() as f64 * 1e-9);
     // A camera that states no gain keeps it.
     let exposure_gain = exposure_s.map(|seconds| seconds * facts.gain.unwrap_or(1.0));
-    SourceFrame { size: picture.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
+    SourceFrame { size: image.frame.size, mosaic, black_dn: facts.black_dn, exposure_gain }
 }
 
 impl Iterator for LuminanceStream {
@@ -149,12 +149,12 @@ pub(super) fn aps_starts(session: &Session) -> Result<Vec<i64>, PipelineError> {
     if session.stream(StreamKind::Frames, "aps").is_err() {
         return Ok(Vec::new());
     }
-    let start = |picture: Result<RecordedFrame<Davis>, SessionError>| {
-        let timing = picture?.frame.timing;
+    let start = |image: Result<RecordedFrame<Davis>, SessionError>| {
+        let timing = image?.frame.timing;
         Ok(timing.exposure.map_or(timing.stamp, |[start, _]| start).as_micros())
     };
-    let pictures = session.davis_frames("aps")?;
-    let mut starts = pictures.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
+    let images = session.davis_frames("aps")?;
+    let mut starts = images.map(start).collect::<Result<Vec<_>, PipelineError>>()?;
     starts.sort_unstable();
     Ok(starts)
 }

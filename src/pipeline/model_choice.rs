@@ -7,7 +7,7 @@ use evrig_generate::input::FramePreparation;
 use evrig_generate::{GenerateParameters, GeneratorChoice, KnobSetting, ParameterError};
 use evrig_session::{Session, StreamName};
 
-/// The choice of a generator and its parameters. `--k @calibrated` and `--preset tuned` stand for the
+/// The choice of a generator and its parameters. `--k @calibrated` and `--preset tuned` mean the
 /// constants that were calibrated on the session.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ModelChoice {

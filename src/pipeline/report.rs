@@ -57,13 +57,13 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
         calibrated.extend(read_calibration(session, &name)?.map(|c| (light.to_owned(), c)));
     }
     let mut page =
-        page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Picture)?;
-    // What was found before stands before what was recorded.
+        page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Image)?;
+    // Results come before the description of the recording.
     if let Some(section) = preflight::section(session)? {
         page.sections.insert(page.sections.len().saturating_sub(1), section);
     }
     page.sections.extend(target::sections(session)?);
-    // The answer stands first; how it was come by follows.
+    // The answer comes first, then its derivation.
     if let Some(diagnosis) = read_diagnosis(session)? {
         page.sections.insert(
             0,
@@ -77,7 +77,7 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     Ok(page.to_html()?)
 }
 
-/// A stream's events as they were compared: cut to the picture, the real ones with them, or whole.
+/// A stream's events as they were compared: cropped to the target, the real ones with them, or whole.
 fn events(
     session: &Session,
     name: &StreamName,

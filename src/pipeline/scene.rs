@@ -44,9 +44,9 @@ impl RawFrames for Recorded<'_> {
     type Error = PipelineError;
 
     fn replay(&mut self, see: &mut FrameVisitor<'_>) -> Result<(), PipelineError> {
-        for picture in self.session.pi_frames(self.stream)? {
-            let picture = picture?;
-            see(picture.number as usize, &picture.frame)?;
+        for image in self.session.pi_frames(self.stream)? {
+            let image = image?;
+            see(image.number as usize, &image.frame)?;
             self.n_done += 1;
             (self.progress)(self.n_done, self.n_all.max(self.n_done));
         }
@@ -79,7 +79,7 @@ pub fn scene_streams(session: &Session) -> Result<[&str; 2], PipelineError> {
 /// Runs the stage, unless its result is fresh. `progress` takes frames done and in all.
 ///
 /// # Errors
-/// When tracks or clocks are missing, the pictures fit no geometry, or the disk refuses.
+/// When tracks or clocks are missing, the images fit no geometry, or the disk refuses.
 pub fn scene(
     session: &Session,
     force: bool,
@@ -136,7 +136,7 @@ fn make(
     let mut footage = Recorded { session, stream: raw, progress, n_done: 0, n_all };
     let mut reconstruction = reconstruct_target(&known, &mut footage)?;
     let frames: Result<Vec<_>, SessionError> =
-        session.davis_frames(aps)?.map(|picture| Ok(picture?.frame)).collect();
+        session.davis_frames(aps)?.map(|image| Ok(image?.frame)).collect();
     let pi_from_davis = pi_from_davis(session, &reconstruction.path)?;
     let known = DavisInputs {
         lens: Lens::of(&cameras.davis),

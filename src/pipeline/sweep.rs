@@ -157,7 +157,7 @@ fn page(
         title: "Events per pixel".to_owned(),
         caption: "All maps share one colour scale.".to_owned(),
         legend: vec![],
-        panels: heat::counts_panels(size, &maps).map_err(PipelineError::Picture)?,
+        panels: heat::counts_panels(size, &maps).map_err(PipelineError::Image)?,
         data: None,
     };
     let middle = window_us[0] + (window_us[1] - window_us[0]) / 2;

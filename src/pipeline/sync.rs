@@ -199,7 +199,7 @@ fn doubt(stamps_ns: &[i64]) -> (u64, u64) {
     (n_duplicate, n_missing as u64)
 }
 
-/// The sensor reads its rows one after another until the crop is whole; the picture is not handed
+/// The sensor reads its rows one after another until the crop is whole; the image is not handed
 /// over before.
 fn readout(rig: &Rig) -> Span {
     let rows = i64::from(rig.pi.crop_origin_px[1]) + i64::from(rig.pi.camera.size.height);

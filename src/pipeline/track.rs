@@ -53,7 +53,7 @@ pub struct TrackSummary {
     pub gaps_s: f64,
     /// Distance of the seen corners from the path, root mean square, pixels.
     pub corner_rms_px: f64,
-    /// Mean side of the picture in the frames, pixels.
+    /// Mean side of the image in the frames, pixels.
     pub picture_px: f64,
     /// Whose numbers of target and lens were used.
     pub rig: String,
@@ -205,7 +205,7 @@ struct Follow<'a> {
 impl Follow<'_> {
     fn run<C: Clock>(
         &self,
-        pictures: impl Iterator<Item = Result<RecordedFrame<C>, SessionError>>,
+        images: impl Iterator<Item = Result<RecordedFrame<C>, SessionError>>,
         progress: &mut dyn FnMut(u64),
     ) -> Result<Track<C>, PipelineError> {
         let wrong = |source| PipelineError::Track {
@@ -214,19 +214,19 @@ impl Follow<'_> {
             source: Box::new(source),
         };
         let mut tracker: Option<Tracker<C>> = None;
-        for picture in pictures {
-            let picture = picture?;
+        for image in images {
+            let image = image?;
             let tracker = match &mut tracker {
                 Some(tracker) => tracker,
                 none => {
-                    let options = TrackOptions::new(brightness_of(&picture));
+                    let options = TrackOptions::new(brightness_of(&image));
                     let made = Tracker::new(&self.rig.target, self.camera, options);
                     none.insert(made.map_err(wrong)?)
                 }
             };
             // A lost frame is in the tally with its reason, and the next one may show the tag again.
-            let _ = tracker.see(&on_its_own_grid(picture.frame));
-            progress(picture.number + 1);
+            let _ = tracker.see(&on_its_own_grid(image.frame));
+            progress(image.number + 1);
         }
         let tracker = tracker.ok_or_else(|| wrong(evrig_reconstruct::roi::TrackError::NoFrames))?;
         tracker.finish().map_err(wrong)
@@ -234,10 +234,10 @@ impl Follow<'_> {
 }
 
 /// What the tracker must know of the samples.
-fn brightness_of<C: Clock>(picture: &RecordedFrame<C>) -> SampleFormat {
-    match picture.properties.bayer {
+fn brightness_of<C: Clock>(image: &RecordedFrame<C>) -> SampleFormat {
+    match image.properties.bayer {
         Some(_) => {
-            let black: f32 = picture.properties.black_dn.iter().sum::<f32>() / 4.0;
+            let black: f32 = image.properties.black_dn.iter().sum::<f32>() / 4.0;
             SampleFormat::Mosaic { black_level_dn: f64::from(black) }
         }
         None => SampleFormat::Brightness,

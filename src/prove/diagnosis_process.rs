@@ -25,7 +25,7 @@ pub struct DiagnosisProcess {
 
 /// How a process ended.
 enum ProcessEnd {
-    Exited { is_success: bool, printed: Vec<u8>, said: String },
+    Exited { is_success: bool, printed: Vec<u8>, message: String },
     Stopped,
     NotStarted(std::io::Error),
 }
@@ -50,8 +50,8 @@ impl DiagnosisProcess {
             ProcessEnd::NotStarted(error) => {
                 DiagnosisOutcome::Failed { because: format!("{}: {error}", self.program.display()) }
             }
-            ProcessEnd::Exited { is_success: false, said, .. } => {
-                DiagnosisOutcome::Failed { because: said }
+            ProcessEnd::Exited { is_success: false, message, .. } => {
+                DiagnosisOutcome::Failed { because: message }
             }
             ProcessEnd::Exited { printed, .. } => match serde_json::from_slice(&printed) {
                 Ok(diagnosis) => DiagnosisOutcome::Answered { diagnosis },
@@ -99,9 +99,9 @@ impl DiagnosisProcess {
         }
         // Both pipes are closed: the process is at its end.
         let is_success = child.wait().is_ok_and(|status| status.success());
-        let [printed, said] = texts;
-        let said = String::from_utf8_lossy(&said).trim().to_owned();
-        ProcessEnd::Exited { is_success, printed, said }
+        let [printed, message] = texts;
+        let message = String::from_utf8_lossy(&message).trim().to_owned();
+        ProcessEnd::Exited { is_success, printed, message }
     }
 }
 

@@ -23,7 +23,7 @@ pub struct TrialMix {
     pub clean: usize,
     /// With one that the library does not know.
     pub alien: usize,
-    /// With one effect in a part of the picture only.
+    /// With one effect in a part of the image only.
     pub local: usize,
 }
 
@@ -49,7 +49,7 @@ const SENSOR_PX: [u16; 2] = [346, 260];
 /// so a region has to divide the target and not the sensor.
 const TARGET_PX: [[u16; 2]; 2] = [[130, 300], [50, 210]];
 
-/// Pictures and trajectories of the simulated rig that trials take in turn.
+/// Images and trajectories of the simulated rig that trials take in turn.
 const IMAGES: &[&str] = &["leaves-1", "leaves-2", "leaves-3", "leaves-4"];
 const TRAJECTORIES: &[&str] = &["circle", "figure-eight"];
 
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn an_effect_in_a_part_of_the_picture_is_strong_and_the_part_is_about_half() {
+    fn an_effect_in_a_part_of_the_image_is_strong_and_the_part_is_about_half() {
         let rig = evrig_session::rig::Rig::simulated().unwrap();
         let size = rig.davis.camera.size;
         assert_eq!([size.width, size.height], SENSOR_PX);

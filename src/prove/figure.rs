@@ -1,4 +1,4 @@
-//! The score as pictures: how often an effect is named by its strength, and how often a stated
+//! The score as images: how often an effect is named by its strength, and how often a stated
 //! interval holds the truth by its claimed level.
 
 use super::score::{CountedShare, ProofScore};
@@ -10,7 +10,7 @@ use evrig_report::plot::svg::Area;
 /// Middles of the bins of strength.
 const STRENGTHS: [f64; 4] = [1.19, 1.68, 2.38, 3.36];
 
-/// A score as one SVG picture; `None` where nothing was counted that could be drawn.
+/// A score as one SVG image; `None` where nothing was counted that could be drawn.
 #[must_use]
 pub fn figure(score: &ProofScore) -> Option<String> {
     let points = |shares: &mut dyn Iterator<Item = (f64, CountedShare)>| -> Vec<[f64; 4]> {
@@ -48,7 +48,7 @@ mod tests {
     use evrig_core::stats::wilson95;
 
     #[test]
-    fn every_share_that_was_counted_is_a_point_and_nothing_is_no_picture() {
+    fn every_share_that_was_counted_is_a_point_and_nothing_is_no_image() {
         assert_eq!(figure(&ProofScore::default()), None);
         let share = |hits, of| CountedShare { hits, of, ci95: wilson95(hits, of) };
         let score = ProofScore {
@@ -56,8 +56,8 @@ mod tests {
             calibration: vec![(0.5, share(2, 6)), (0.9, share(5, 6))],
             ..ProofScore::default()
         };
-        let picture = figure(&score).unwrap();
-        assert_eq!(picture.matches("dots big").count(), 5, "{picture}");
-        assert!(picture.contains("claimed level"));
+        let image = figure(&score).unwrap();
+        assert_eq!(image.matches("dots big").count(), 5, "{image}");
+        assert!(image.contains("claimed level"));
     }
 }

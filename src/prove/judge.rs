@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_answer_says_it_cannot_judge_is_told_apart() {
+    fn what_an_answer_states_it_cannot_judge_is_distinguished() {
         let text = r#"{"verdict":"no_mismatch","cannot_judge":[{"id":"refractory_period","because":"x"}]}"#;
         assert!(
             judge(&truth(&[REFRACTORY]), &answer(text), &BTreeSet::new()).is_declared_undecidable

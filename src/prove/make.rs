@@ -108,7 +108,7 @@ fn in_the_world(
     Ok(())
 }
 
-/// The world of a trial: nominal but for the picture and what is hidden.
+/// The world of a trial: nominal but for the image and what is hidden.
 fn world(trial: &ConcealedTrial) -> Result<WorldDescription, serde_json::Error> {
     let effects: serde_json::Map<String, serde_json::Value> =
         trial.truth.effects.iter().map(|c| (c.id.clone(), c.description())).collect();
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_hidden_in_a_part_of_the_picture_reaches_the_world_as_such() {
+    fn what_is_hidden_in_a_part_of_the_image_reaches_the_world_as_such() {
         let mix = TrialMix { local: 3, ..TrialMix::none(Family::World) };
         for trial in draw(mix, 4) {
             let region = trial.truth.region.unwrap();

@@ -53,8 +53,8 @@ fn complaint(judgement: &Judgement) -> Option<String> {
             .then(|| format!("{trial}: clean, called {} ({named})", judgement.verdict));
     };
     if !judgement.is_top1 {
-        let said = if named.is_empty() { &judgement.verdict } else { &named };
-        return Some(format!("{trial}: hidden: {hidden}, accepted first: {said}"));
+        let message = if named.is_empty() { &judgement.verdict } else { &named };
+        return Some(format!("{trial}: hidden: {hidden}, accepted first: {message}"));
     }
     if judgement.wrong > 0 {
         return Some(format!("{trial}: hid {hidden} alone, named {named}"));

@@ -84,7 +84,7 @@ pub enum DiagnosisOutcome {
     },
     /// It refused the session.
     Failed {
-        /// What it said.
+        /// Its message.
         because: String,
     },
     /// It was stopped.
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn no_answer_names_nothing_and_says_why() {
+    fn no_answer_names_nothing_and_states_why() {
         let late = DiagnosisOutcome::OutOfTime { after_s: 60.0 }.answer().unwrap();
         assert_eq!((late.verdict.as_str(), late.effects.len()), ("out_of_time", 0));
         let refused =

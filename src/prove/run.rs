@@ -141,8 +141,8 @@ impl ProofRun<'_> {
         let path =
             |suffix: &str| self.out.join(format!("proof-{}.{suffix}", proof.family.as_str()));
         record::write(&path("json"), proof)?;
-        if let Some(picture) = figure(&proof.score) {
-            record::write_text(&path("svg"), &picture)?;
+        if let Some(image) = figure(&proof.score) {
+            record::write_text(&path("svg"), &image)?;
         }
         record::write_text(&path("md"), &markdown(self.heading, &proof.score, &proof.judgements))
     }

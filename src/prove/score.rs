@@ -56,7 +56,7 @@ pub struct PerEffect {
     pub instead: BTreeMap<String, u64>,
 }
 
-/// Verdicts that stand for no answer.
+/// Verdicts without an answer.
 const UNANSWERED: &[&str] = &["failed", "out_of_time"];
 
 /// Levels of an interval with their half-width in that of the 90 % one, for normal errors.
@@ -113,7 +113,7 @@ impl ProofScore {
     pub fn of(judgements: &[Judgement]) -> Self {
         let all = || judgements.iter();
         let in_library = || all().filter(|j| !j.is_outside_library && !j.hidden.is_empty());
-        // An effect in a part of the picture is asked for its place, not counted among the others.
+        // A regional effect is scored by its region, not counted among the others.
         let single = || in_library().filter(|j| j.hidden.len() == 1 && j.region_f1.is_none());
         let parameters = || all().flat_map(|j| &j.parameters);
         let removed = in_library().filter(|j| j.missed == 0).filter_map(|j| j.share_removed);
@@ -188,7 +188,7 @@ fn confusion<'a>(
     counts
 }
 
-/// The first name, or the verdict that stands in its place.
+/// The first name, or the verdict in its place.
 fn first_word(judgement: &Judgement) -> String {
     let verdict = match judgement.verdict.as_str() {
         "no_mismatch" => "nothing",

@@ -107,7 +107,7 @@ fn contains_stop(lines: &[RequestRecord]) -> bool {
     stop_index(lines).is_some_and(|at| lines[at..].iter().any(|line| line.name == "QUEUE_CLEAR"))
 }
 
-/// The arm stands still, its queue is empty, and only reads follow the stop.
+/// The arm is at rest, its queue is empty, and only reads follow the stop.
 fn assert_stopped(emulator: &ArmEmulator, since: usize) {
     wait_until("force stop and clear arrive", || contains_stop(&emulator.journal()[since..]));
     let state = emulator.state();
@@ -118,7 +118,7 @@ fn assert_stopped(emulator: &ArmEmulator, since: usize) {
         assert!(["QUEUE_FORCE_STOP", "QUEUE_CLEAR"].contains(&line.name.as_str()), "{line:?}");
     }
     let pose = emulator.state().planner;
-    assert_eq!(pose, emulator.state().planner, "the arm stands still");
+    assert_eq!(pose, emulator.state().planner, "the arm is at rest");
 }
 
 /// splitmix64.

@@ -118,7 +118,7 @@ impl CrashSetup {
         }
         let state = self.emulator.state();
         assert!(!state.is_busy && state.n_waiting == 0, "{state:?}");
-        assert_eq!(state.planner, self.emulator.state().planner, "the arm stands still");
+        assert_eq!(state.planner, self.emulator.state().planner, "the arm is at rest");
     }
 
     /// Waits until the recorder is in a state; false if it ended before.
@@ -169,8 +169,8 @@ fn check_frames(session: &Session) -> u64 {
         .map(|metadata| metadata.sequence)
         .collect();
     assert!(sequences.windows(2).all(|pair| pair[0] + 1 == pair[1]), "a frame is missing");
-    for (picture, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
-        let frame = picture.unwrap().frame;
+    for (image, sequence) in session.pi_frames("raw").unwrap().zip(&sequences) {
+        let frame = image.unwrap().frame;
         let Samples::U16(samples) = frame.samples else { panic!("raw frames have 16 bits") };
         let width = usize::from(frame.size.width);
         let differs = |(i, sample): (usize, &u16)| {

@@ -52,11 +52,11 @@ fn a_viewer_gets_every_event_and_the_status_counts_them() {
         NetworkDavis::new(&live.events().address().to_string(), NetworkDavisTimeouts::default());
     viewer.prepare().unwrap();
     assert!(live.events().wait_for_clients(1, PATIENCE));
-    live.tell(host_time(), None, 0);
+    live.update_status(host_time(), None, 0);
     let (samples, truth) = samples();
     samples.iter().for_each(|sample| live.take(sample).unwrap());
     live.show_events(host_time());
-    let status = live.tell(host_time(), None, 3);
+    let status = live.update_status(host_time(), None, 3);
     assert!(truth.len() > 10_000);
     assert!(status.events_per_s > 0.0 && status.davis_frames_per_s > 0.0);
     assert_eq!((status.n_dropped_by_devices, status.n_dropped_for_viewers), (3, 0));

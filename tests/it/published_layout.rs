@@ -61,10 +61,10 @@ fn cover(samples: &mut [u16], width: usize, [left, right, top, bottom]: [usize; 
     }
 }
 
-fn metadata_record(picture: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> {
-    let sensor = picture.frame.timing.stamp.as_nanos() as f64;
+fn metadata_record(image: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> {
+    let sensor = image.frame.timing.stamp.as_nanos() as f64;
     let ahead_us = if number >= CLOCK_STEP_FRAME { 30_000_000 } else { 0 };
-    let real_us = picture.properties.real_time.unwrap().as_micros() + ahead_us;
+    let real_us = image.properties.real_time.unwrap().as_micros() + ahead_us;
     let real = chrono::DateTime::from_timestamp_micros(real_us).unwrap();
     let mut bytes = sensor.to_le_bytes().to_vec();
     bytes.extend(real.format("%Y-%m-%d %H:%M:%S%.6f").to_string().as_bytes());
@@ -77,24 +77,24 @@ fn metadata_record(picture: &RecordedFrame<PiSensor>, number: usize) -> Vec<u8> 
 fn write_published(recording: &SimulatedRecording, root: &Path) {
     let session = &recording.session;
     fs::copy(session.layout().davis(), root.join("dv_output_a_20231114_221320.aedat4")).unwrap();
-    let pictures = |name| session.pi_frames(name).unwrap().map(Result::unwrap);
+    let images = |name| session.pi_frames(name).unwrap().map(Result::unwrap);
     let (mut raw, mut metadata) = (Vec::new(), Vec::new());
-    let all: Vec<_> = pictures("raw").collect();
-    for (number, picture) in all.iter().enumerate() {
-        let Samples::U16(samples) = &picture.frame.samples else { panic!("raw frames") };
+    let all: Vec<_> = images("raw").collect();
+    for (number, image) in all.iter().enumerate() {
+        let Samples::U16(samples) = &image.frame.samples else { panic!("raw frames") };
         let mut samples = samples.clone();
         if COVERED.contains(&number) {
-            cover(&mut samples, 372, tag_px(recording, picture));
+            cover(&mut samples, 372, tag_px(recording, image));
         }
         raw.extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
         // Frame 21 repeats the timestamp of frame 20.
-        let stamped = if number == 21 { &all[20] } else { picture };
+        let stamped = if number == 21 { &all[20] } else { image };
         if number + 2 < all.len() {
             metadata.extend(metadata_record(stamped, number));
         }
     }
-    let rgb = pictures("rgb").skip(1).flat_map(|picture| {
-        let Samples::U8(samples) = picture.frame.samples else { panic!("8 bits") };
+    let rgb = images("rgb").skip(1).flat_map(|image| {
+        let Samples::U8(samples) = image.frame.samples else { panic!("8 bits") };
         samples.chunks_exact(3).flat_map(|p| [p[2], p[1], p[0], 0]).collect::<Vec<u8>>()
     });
     let to = |kind: &str| root.join(format!("{kind}_a_20231114_221322.dat"));

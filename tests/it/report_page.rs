@@ -102,8 +102,8 @@ fn check(shot: &PageShot) {
     assert!(probe["smallestText"].as_f64() >= Some(9.0), "{name}: too small to read: {probe}");
     assert!(probe["sortButtons"].as_u64() >= Some(5), "{name}: the script did not run");
 
-    let picture = image::load_from_memory(&shot.png).expect("a PNG").to_rgb8();
-    let colours: BTreeSet<[u8; 3]> = picture.pixels().map(|p| p.0).collect();
+    let image = image::load_from_memory(&shot.png).expect("a PNG").to_rgb8();
+    let colours: BTreeSet<[u8; 3]> = image.pixels().map(|p| p.0).collect();
     assert!(colours.len() > 500, "{name}: the screenshot is almost blank");
 }
 

@@ -52,7 +52,7 @@ impl PiFrame {
     /// Bytes of its images.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        let length = |picture: &Option<Vec<u8>>| picture.as_ref().map_or(0, Vec::len);
+        let length = |image: &Option<Vec<u8>>| image.as_ref().map_or(0, Vec::len);
         length(&self.raw10) + length(&self.rgb)
     }
 }

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_picture_is_refused() {
+    fn what_is_no_image_is_refused() {
         assert!(matches!(pack(&[0; 6], Size::new(6, 1)), Err(Raw10Error::Width { width: 6 })));
         assert!(matches!(pack(&[0; 3], Size::new(4, 1)), Err(Raw10Error::Length { found: 3, .. })));
         let eleven_bits = pack(&[0, 0, 1024, 0], Size::new(4, 1));

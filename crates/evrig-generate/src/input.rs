@@ -97,27 +97,25 @@ impl FramePreparer {
     /// Brightness of the frame at `t_us`; `plain` is that of grey and colour frames, and of an
     /// unchanged mosaic. The signal above the black level is divided by the exposure, so the values
     /// stay in the first frame's digital units.
-    pub fn prepare(&mut self, t_us: i64, picture: &SourceFrame<'_>, plain: Vec<f32>) -> Luminance {
+    pub fn prepare(&mut self, t_us: i64, image: &SourceFrame<'_>, plain: Vec<f32>) -> Luminance {
         let FramePreparation { colour, subtract_black, divide_exposure } = self.preparation;
-        let (size, mut values) = match (colour, picture.mosaic) {
-            (Colour::Luma, Some((mosaic, _))) => {
-                (picture.size, bayer_brightness(mosaic, picture.size))
-            }
+        let (size, mut values) = match (colour, image.mosaic) {
+            (Colour::Luma, Some((mosaic, _))) => (image.size, bayer_brightness(mosaic, image.size)),
             (Colour::Red | Colour::Green | Colour::Blue, Some((mosaic, order))) => {
-                channel(mosaic, order, picture.size, colour)
+                channel(mosaic, order, image.size, colour)
             }
-            _ => (picture.size, plain),
+            _ => (image.size, plain),
         };
-        let scale = if divide_exposure { self.scale(picture.exposure_gain) } else { 1.0 };
+        let scale = if divide_exposure { self.scale(image.exposure_gain) } else { 1.0 };
         if subtract_black || scale != 1.0 {
             let kept = if subtract_black { 0.0 } else { 1.0 };
             let width = usize::from(size.width);
-            let is_mosaic = size == picture.size && colour == Colour::Mosaic;
-            let even = black_of(colour, picture.black_dn);
+            let is_mosaic = size == image.size && colour == Colour::Mosaic;
+            let even = black_of(colour, image.black_dn);
             for (i, value) in values.iter_mut().enumerate() {
-                let black = match picture.mosaic {
+                let black = match image.mosaic {
                     Some((_, order)) if is_mosaic => {
-                        picture.black_dn[site(order, (i % width) as u16, (i / width) as u16)]
+                        image.black_dn[site(order, (i % width) as u16, (i / width) as u16)]
                     }
                     _ => even,
                 };
@@ -194,14 +192,14 @@ mod tests {
         let mut preparer = FramePreparer::new(preparation);
         let one = |gain: &f32| {
             let samples = mosaic(*gain);
-            let picture = SourceFrame {
+            let image = SourceFrame {
                 size: SIZE,
                 mosaic: Some((&samples, BayerOrder::Rggb)),
                 black_dn: [64.0; 4],
                 exposure_gain: Some(f64::from(*gain) * 0.008),
             };
             let plain = samples.iter().map(|v| f32::from(*v)).collect();
-            preparer.prepare(0, &picture, plain).values
+            preparer.prepare(0, &image, plain).values
         };
         gains.iter().map(one).collect()
     }

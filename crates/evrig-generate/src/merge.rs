@@ -32,7 +32,7 @@ impl Crossing {
 /// Widest table of counters in a pass of the sort: 2^16 microseconds.
 const DIGIT_BITS: u32 = 16;
 
-/// Room for sorting, kept from interval to interval.
+/// Buffers for sorting, kept from interval to interval.
 #[derive(Debug, Default)]
 pub(super) struct EventMerger {
     hits: Vec<Crossing>,

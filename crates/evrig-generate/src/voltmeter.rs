@@ -5,7 +5,7 @@
 //! On at +1, OFF at −1, restarts at 0 and is carried from frame to frame.
 //!
 //! Two forms draw from the same law: `scalar` is plain, `lazy` is fast and tested against it.
-//! The published program's shortcuts stand in `reference`.
+//! The published program's shortcuts are in `reference`.
 
 pub mod closed_form;
 mod coefficients;

@@ -159,8 +159,9 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn in_memory(path: &Path) -> Option<u64> {
         let mut fincore = std::process::Command::new("fincore");
-        let told = fincore.args(["--bytes", "--noheadings", "--output", "RES"]).arg(path).output();
-        String::from_utf8(told.ok()?.stdout).ok()?.trim().parse().ok()
+        let output =
+            fincore.args(["--bytes", "--noheadings", "--output", "RES"]).arg(path).output();
+        String::from_utf8(output.ok()?.stdout).ok()?.trim().parse().ok()
     }
 
     #[cfg(target_os = "linux")]
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_synced_is_told() {
+    fn a_file_that_cannot_be_synced_is_reported() {
         let (_reader, pipe) = std::io::pipe().unwrap();
         let folder = tempfile::tempdir().unwrap();
         let mut disk_sync = DiskSync::start(|| true).unwrap();

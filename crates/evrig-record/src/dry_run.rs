@@ -39,9 +39,9 @@ pub struct DryRunResult {
     /// What each camera delivered and lost, in the order of the cameras.
     pub tallies: Vec<RecorderTally>,
     /// What was read back.
-    pub heard: RecordingCheck,
+    pub check: RecordingCheck,
     /// Processor time of reading it back, which no recording needs.
-    pub hearing: Span,
+    pub check_cpu: Span,
 }
 
 /// Why a dry run failed.
@@ -78,10 +78,10 @@ pub fn dry_run(
     let (log_end, log) = wide_pipe()?;
     std::thread::scope(|scope| {
         let davis_heard = std::thread::Builder::new()
-            .name("hear".to_owned())
+            .name("check".to_owned())
             .spawn_scoped(scope, move || timed(|| RecordingCheck::of_davis(davis_end)))?;
         let log_heard = std::thread::Builder::new()
-            .name("hear".to_owned())
+            .name("check".to_owned())
             .spawn_scoped(scope, move || timed(|| RecordingCheck::of_rig_log(log_end)))?;
         let ran = run(recorders, rehearsal, [davis, log], stop, watch);
         // Every writing end is closed by now, so both end.
@@ -90,8 +90,8 @@ pub fn dry_run(
             // A panic there was reported by its own hook.
             _ => return Err(std::io::Error::other("the reading end failed").into()),
         };
-        let (heard, hearing) = (RecordingCheck::joined(davis, log), its_cpu + logs_cpu);
-        ran.map(|tallies| DryRunResult { tallies, heard, hearing })
+        let (check, check_cpu) = (RecordingCheck::joined(davis, log), its_cpu + logs_cpu);
+        ran.map(|tallies| DryRunResult { tallies, check, check_cpu })
     })
 }
 

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_timing_of_poses_is_told_from_their_exchanges() {
+    fn the_timing_of_poses_is_computed_from_their_exchanges() {
         let pose = |asked, answered| PoseReading {
             pose: Pose::default(),
             joints: Joints::default(),

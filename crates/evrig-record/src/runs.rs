@@ -58,7 +58,7 @@ pub enum RunsError {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunList {
     path: PathBuf,
-    told: RunListFile,
+    file: RunListFile,
 }
 
 /// The contents of the file.
@@ -103,7 +103,7 @@ impl RunList {
             return Err(RunsError::Received { path });
         }
         std::fs::create_dir_all(directory).map_err(SessionError::io(directory))?;
-        let told = RunListFile {
+        let file = RunListFile {
             schema: RUNS_SCHEMA.to_owned(),
             rig: rig.name.clone(),
             rig_sha256: sha256_of_bytes(rig.text.as_bytes()),
@@ -112,7 +112,7 @@ impl RunList {
             n_runs,
             attempts: Vec::new(),
         };
-        let list = Self { path, told };
+        let list = Self { path, file };
         list.write()?;
         Ok(list)
     }
@@ -125,26 +125,26 @@ impl RunList {
         let path = directory.join("runs.json");
         let none = |because: String| RunsError::None { path: path.clone(), because };
         let text = std::fs::read_to_string(&path).map_err(|error| none(error.to_string()))?;
-        let told: RunListFile =
+        let file: RunListFile =
             serde_json::from_str(&text).map_err(|error| none(error.to_string()))?;
-        if told.schema != RUNS_SCHEMA {
-            return Err(none(format!("schema is `{}`, expected `{RUNS_SCHEMA}`", told.schema)));
+        if file.schema != RUNS_SCHEMA {
+            return Err(none(format!("schema is `{}`, expected `{RUNS_SCHEMA}`", file.schema)));
         }
         let same = |sha256: &Sha256Hex, text: &str| *sha256 == sha256_of_bytes(text.as_bytes());
-        if !same(&told.rig_sha256, &rig.text) {
+        if !same(&file.rig_sha256, &rig.text) {
             return Err(RunsError::Other { path, what: "rig" });
         }
-        if !same(&told.trajectory_sha256, &trajectory.text) {
+        if !same(&file.trajectory_sha256, &trajectory.text) {
             return Err(RunsError::Other { path, what: "trajectory" });
         }
-        let mut list = Self { path, told };
+        let mut list = Self { path, file };
         list.look_at_unknown(directory);
         Ok(list)
     }
 
     /// A run that was sealed just before the program died is known by its session.
     fn look_at_unknown(&mut self, directory: &Path) {
-        for attempt in self.told.attempts.iter_mut().filter(|attempt| attempt.status.is_none()) {
+        for attempt in self.file.attempts.iter_mut().filter(|attempt| attempt.status.is_none()) {
             let manifest = directory.join(&attempt.directory).join("session.json");
             attempt.status = Manifest::read(&manifest).ok().map(|manifest| manifest.status);
         }
@@ -153,25 +153,25 @@ impl RunList {
     /// How many runs there are to be.
     #[must_use]
     pub fn n_runs(&self) -> u32 {
-        self.told.n_runs
+        self.file.n_runs
     }
 
     /// All recordings so far.
     #[must_use]
     pub fn attempts(&self) -> &[RunAttempt] {
-        &self.told.attempts
+        &self.file.attempts
     }
 
     /// Number of the first run that no recording has completed.
     #[must_use]
     pub fn next_run(&self) -> Option<u32> {
         let is_complete = |run: u32| {
-            let mut attempts = self.told.attempts.iter();
+            let mut attempts = self.file.attempts.iter();
             attempts.any(|attempt| {
                 attempt.run == run && attempt.status == Some(SessionStatus::Complete)
             })
         };
-        (1..=self.told.n_runs).find(|run| !is_complete(*run))
+        (1..=self.file.n_runs).find(|run| !is_complete(*run))
     }
 
     /// Enters a new recording of a run; its directory, which is free.
@@ -180,14 +180,14 @@ impl RunList {
     /// When the disk refuses.
     pub fn enter(&mut self, run: u32) -> Result<PathBuf, RunsError> {
         let root = self.path.parent().unwrap_or(Path::new(".")).to_owned();
-        let width = self.told.n_runs.to_string().len().max(2);
-        let stem = format!("{}-{run:0width$}", self.told.trajectory);
+        let width = self.file.n_runs.to_string().len().max(2);
+        let stem = format!("{}-{run:0width$}", self.file.trajectory);
         let names = (1_u32..).map(|attempt| match attempt {
             1 => stem.clone(),
             attempt => format!("{stem}-again-{attempt}"),
         });
         let name = names.into_iter().find(|name| !root.join(name).exists()).unwrap_or(stem.clone());
-        self.told.attempts.push(RunAttempt { run, directory: name.clone(), status: None });
+        self.file.attempts.push(RunAttempt { run, directory: name.clone(), status: None });
         self.write()?;
         Ok(root.join(name))
     }
@@ -197,14 +197,14 @@ impl RunList {
     /// # Errors
     /// When the disk refuses.
     pub fn close(&mut self, status: SessionStatus) -> Result<(), RunsError> {
-        if let Some(last) = self.told.attempts.last_mut() {
+        if let Some(last) = self.file.attempts.last_mut() {
             last.status = Some(status);
         }
         self.write()
     }
 
     fn write(&self) -> Result<(), RunsError> {
-        let text = serde_json::to_string_pretty(&self.told).map_err(|error| RunsError::None {
+        let text = serde_json::to_string_pretty(&self.file).map_err(|error| RunsError::None {
             path: self.path.clone(),
             because: error.to_string(),
         })?;

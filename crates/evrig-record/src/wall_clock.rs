@@ -52,14 +52,14 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_set_by_hours_is_told_once_and_one_that_is_steered_never() {
+    fn a_clock_set_by_hours_is_reported_once_and_one_that_is_steered_never() {
         let mut clock = WallClock::default();
         let hour = 3_600_000_000;
         let looks = [(0, 0), (20_000, 10), (40_000, 20), (60_000, -hour), (80_000, -hour + 5)];
-        let told: Vec<_> = looks.map(|(t, ahead)| clock.look(|| at(t, ahead))).to_vec();
-        assert_eq!(told[..3], [None; 3]);
-        assert_eq!(told[3], Some(Span::from_micros(-hour - 20)));
-        assert_eq!(told[4], None);
+        let steps: Vec<_> = looks.map(|(t, ahead)| clock.look(|| at(t, ahead))).to_vec();
+        assert_eq!(steps[..3], [None; 3]);
+        assert_eq!(steps[3], Some(Span::from_micros(-hour - 20)));
+        assert_eq!(steps[4], None);
     }
 
     #[test]

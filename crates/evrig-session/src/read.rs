@@ -84,8 +84,8 @@ impl Session {
         if entry.clock != Davis::NAME {
             return Err(self.other_clock(entry));
         }
-        let pictures = self.davis_frames(name)?;
-        Ok(LuminanceFrames { pictures, ascending: AscendingFrames::default() })
+        let images = self.davis_frames(name)?;
+        Ok(LuminanceFrames { images, ascending: AscendingFrames::default() })
     }
 }
 
@@ -159,7 +159,7 @@ impl AscendingFrames {
 
 /// A stream's frames, one after another in ascending time.
 pub struct LuminanceFrames {
-    pictures: DavisFrames,
+    images: DavisFrames,
     ascending: AscendingFrames,
 }
 
@@ -167,7 +167,7 @@ impl Iterator for LuminanceFrames {
     type Item = Result<Luminance, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let pictures = &mut self.pictures;
-        self.ascending.next(|| Some(pictures.next()?.map(|picture| picture.frame.luminance())))
+        let images = &mut self.images;
+        self.ascending.next(|| Some(images.next()?.map(|image| image.frame.luminance())))
     }
 }

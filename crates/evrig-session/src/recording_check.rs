@@ -100,13 +100,13 @@ impl RecordingCheck {
         let mut next: Option<u64> = None;
         let read = each_message_of(&mut counted, &mut |topic, _, data| match topic {
             Topic::Raw | Topic::Rgb => match decode_image(data) {
-                Some(picture) if topic == Topic::Raw => {
+                Some(image) if topic == Topic::Raw => {
                     check.n_raw += 1;
-                    raw.take(&picture);
+                    raw.take(&image);
                 }
-                Some(picture) => {
+                Some(image) => {
                     check.n_rgb += 1;
-                    rgb.take(&picture);
+                    rgb.take(&image);
                 }
                 None => check.note("rig.mcap: a message that is not an image"),
             },
@@ -186,7 +186,7 @@ mod tests {
         times.iter().map(|&t| Event { t, x: t as u16, y: 3, on: t % 2 == 0 }).collect()
     }
 
-    /// What a reader at the pipe's other end hears of a writer at this one.
+    /// What a reader at the other end of the pipe receives from a writer at this end.
     fn read_through_pipe<T: Send>(
         write: impl FnOnce(Box<dyn Write + Send>),
         read: impl FnOnce(std::io::PipeReader) -> T + Send,
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_is_what_is_heard() {
+    fn what_was_written_is_what_is_received() {
         let packets = [events(&[1, 2, 3]), events(&[3, 9])];
         let check = davis(&packets);
         let mut sum = EventChecksum::default();
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn events_that_go_back_in_time_are_told_and_one_changed_bit_changes_the_sum() {
+    fn events_that_go_back_in_time_are_reported_and_one_changed_bit_changes_the_sum() {
         let check = davis(&[events(&[5, 6]), events(&[4])]);
         assert!(check.problems[0].contains("not in order"), "{:?}", check.problems);
         let [one, other] = [[1, 2, 3], [1, 2, 4]].map(|times| davis(&[events(&times)]).event_sum);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_heard_as_they_were_and_a_gap_between_them_is_told() {
+    fn images_are_received_unchanged_and_a_gap_between_them_is_reported() {
         let (check, _) = log(&[4, 5], 0);
         let mut sum = ImageChecksum::default();
         sum.take(&[1, 0, 2, 0, 3, 0, 255, 3, 1, 0, 2, 0, 3, 0, 255, 3]);
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn events_that_arrived_and_were_not_written_are_told() {
+    fn events_that_arrived_and_were_not_written_are_reported() {
         let both = RecordingCheck::joined(davis(&[events(&[1, 2])]), log(&[0], 2));
         assert_eq!(both.problems, Vec::<String>::new());
         let both = RecordingCheck::joined(davis(&[events(&[1, 2])]), log(&[0], 3));

@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_without_rgb_differs_in_nothing_else_and_says_so_in_its_text() {
+    fn a_rig_without_rgb_differs_in_nothing_else_and_states_it_in_its_text() {
         let rig = Rig::simulated().unwrap();
         let plain = rig.without_rgb().unwrap();
         assert!(rig.pi.rgb && !plain.pi.rgb);
@@ -202,18 +202,18 @@ mod tests {
             .replace("j4_deg =", "j4_degr =")
             .replace("tag_side_mm =", "tag_width_mm =");
         let error = Rig::parse("sim.toml", &text).unwrap_err();
-        let said = error.to_string();
+        let message = error.to_string();
         for part in ["-8 is outside", "did you mean `j4_deg`", "`tag_side_mm` is missing"] {
-            assert!(said.contains(part), "`{part}` is not in: {said}");
+            assert!(message.contains(part), "`{part}` is not in: {message}");
         }
     }
 
     #[test]
     fn a_home_out_of_the_arms_own_limits_is_refused() {
         let text = SIM.replace("x_mm = 200.0, y_mm = 0.0", "x_mm = 130.0, y_mm = 0.0");
-        let said = Rig::parse("sim.toml", &text).unwrap_err().to_string();
-        assert!(said.contains("arm.home: workspace radius is 130.00 mm"), "{said}");
-        assert!(said.contains("10.00 mm under"), "{said}");
+        let message = Rig::parse("sim.toml", &text).unwrap_err().to_string();
+        assert!(message.contains("arm.home: workspace radius is 130.00 mm"), "{message}");
+        assert!(message.contains("10.00 mm under"), "{message}");
     }
 
     proptest! {

@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_in_the_systems_own_words() {
+    fn a_full_disk_is_reported_with_the_message_of_the_system() {
         let full = std::io::Error::from_raw_os_error(28);
         let expected = full.to_string();
         let source = Box::new(mcap::McapError::Io(full));

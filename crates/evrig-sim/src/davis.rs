@@ -104,7 +104,7 @@ fn run(live: &LiveWorld, servers: &mut [StreamServer], progress: &TwinProgress) 
             continue;
         }
         let packet = twin.next_packet();
-        // What a server cannot encode is not of this camera; there is no one to tell.
+        // What a server cannot encode is not of this camera; there is nobody to report it to.
         let _ = send(servers, packet, live.world().rig().davis.aps);
         let n_sent = servers.iter().map(StreamServer::n_packets).sum();
         progress.change(|twin| {

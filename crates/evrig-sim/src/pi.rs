@@ -20,7 +20,7 @@ pub const MODEL: &str = "simulated imx708";
 /// # Errors
 /// When the rows cannot be packed: RAW10 has rows of a multiple of four samples.
 pub fn delivered(frame: world::SimulatedPiFrame, size: Size) -> Result<PiFrame, Raw10Error> {
-    let said = frame.metadata;
+    let message = frame.metadata;
     let raw10 = match &frame.raw {
         Some(raw) => match &raw.samples {
             Samples::U16(samples) => Some(raw10::pack(samples, size)?),
@@ -35,14 +35,14 @@ pub fn delivered(frame: world::SimulatedPiFrame, size: Size) -> Result<PiFrame, 
         }
         Samples::U16(_) => Vec::new(),
     });
-    let black_level = said.black_level_dn.round() as u16;
+    let black_level = message.black_level_dn.round() as u16;
     let metadata = FrameMetadata {
-        sequence: said.sequence,
-        sensor_timestamp: said.sensor_timestamp,
-        frame_wall_clock: Some(said.frame_wall_clock),
-        real_time: said.real_time,
-        exposure: said.exposure,
-        analogue_gain: said.analogue_gain,
+        sequence: message.sequence,
+        sensor_timestamp: message.sensor_timestamp,
+        frame_wall_clock: Some(message.frame_wall_clock),
+        real_time: message.real_time,
+        exposure: message.exposure,
+        analogue_gain: message.analogue_gain,
         digital_gain: 1.0,
         lens_position: None,
         black_levels: [black_level; 4],

@@ -44,7 +44,7 @@ impl TwinProgress {
         });
     }
 
-    /// Tells the thread to end.
+    /// Requests the thread to end.
     pub fn end(&self) {
         self.change(|twin| twin.is_ending = true);
     }

@@ -200,7 +200,7 @@ impl SessionRun<'_> {
             let share = end.as_secs_f64() / self.until.as_secs_f64().max(1e-9);
             watch(share.min(1.0));
             if outlet.send(now).is_err() {
-                // The writer has an error of its own to tell.
+                // The writer reports an error of its own.
                 return Ok(());
             }
         }

@@ -60,8 +60,8 @@ impl std::fmt::Display for JobState {
 
 /// The tasks of an array with their states; none of one that Slurm has forgotten.
 pub(super) fn tasks(array: u64) -> Result<Vec<(usize, JobState)>, BatchError> {
-    let said = queue(array)?;
-    Ok(said.lines().filter_map(parse).filter_map(|(task, state)| Some((task?, state))).collect())
+    let message = queue(array)?;
+    Ok(message.lines().filter_map(parse).filter_map(|(task, state)| Some((task?, state))).collect())
 }
 
 /// The state of a job that is no array.
@@ -80,7 +80,7 @@ fn queue(number: u64) -> Result<String, BatchError> {
     match run("squeue", &arguments) {
         // Slurm forgets a job some minutes after its end.
         Err(BatchError::Slurm { what, .. }) if what.contains("Invalid job id") => Ok(String::new()),
-        said => said,
+        message => message,
     }
 }
 

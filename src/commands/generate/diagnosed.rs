@@ -8,7 +8,7 @@ use evrig_session::Session;
 use serde_json::json;
 use std::path::Path;
 
-/// What is said for the session's own camera.
+/// How the session's own camera is named.
 const OWN: &str = "own";
 
 /// Name of the stream where none is given.

@@ -15,8 +15,8 @@ impl fmt::Display for PlanTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plan = self.plan;
         writeln!(f, "{} on rig {}", plan.trajectory, plan.rig)?;
-        if let Some(says) = &self.trajectory.description {
-            writeln!(f, "  {says}")?;
+        if let Some(description) = &self.trajectory.description {
+            writeln!(f, "  {description}")?;
         }
         writeln!(
             f,
@@ -79,16 +79,16 @@ fn segments(f: &mut fmt::Formatter<'_>, segments: &[SegmentPlan]) -> fmt::Result
 
 fn settings(segment: &SegmentPlan) -> String {
     let set = &segment.settings;
-    let mut said = Vec::new();
-    said.extend(set.aps.map(|on| format!("aps {}", if on { "on" } else { "off" })));
-    said.extend(set.exposure_scale.map(|scale| format!("exposure x {scale}")));
-    said.extend(set.light_level.map(|level| format!("light x {level}")));
+    let mut message = Vec::new();
+    message.extend(set.aps.map(|on| format!("aps {}", if on { "on" } else { "off" })));
+    message.extend(set.exposure_scale.map(|scale| format!("exposure x {scale}")));
+    message.extend(set.light_level.map(|level| format!("light x {level}")));
     if set.n_flashes > 0 {
-        said.push(format!("{} flashes", set.n_flashes));
+        message.push(format!("{} flashes", set.n_flashes));
     }
-    said.extend(set.biases.iter().map(|(name, value)| format!("{name} = {value}")));
-    said.extend(set.prompt.iter().map(|prompt| format!("prompt: {prompt}")));
-    said.join(", ")
+    message.extend(set.biases.iter().map(|(name, value)| format!("{name} = {value}")));
+    message.extend(set.prompt.iter().map(|prompt| format!("prompt: {prompt}")));
+    message.join(", ")
 }
 
 fn margin_row(f: &mut fmt::Formatter<'_>, margin: &Margin) -> fmt::Result {

@@ -1,4 +1,4 @@
-//! `record --images`: one recording for each picture that the stimulus shows.
+//! `record --images`: one recording for each image that the stimulus shows.
 
 use super::{RecordedTake, RecordingRun};
 use crate::cli::RecordArgs;
@@ -69,7 +69,7 @@ pub(super) fn record(
     Ok(worst)
 }
 
-/// Where the picture's session goes; none when it is there and complete.
+/// Where the image's session goes; none when it is there and complete.
 fn place(out: &Path, index: usize, label: &str) -> anyhow::Result<Option<PathBuf>> {
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
     let label: String = label.chars().map(plain).take(40).collect();
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_whose_recording_failed_gets_a_place_beside_it() {
+    fn an_image_whose_recording_failed_gets_a_place_beside_it() {
         let folder = tempfile::tempdir().unwrap();
         let first = place(folder.path(), 0, "tabby cat/..").unwrap().unwrap();
         assert_eq!(first, folder.path().join("0001-tabby-cat---"));

@@ -39,7 +39,7 @@ pub(super) fn preparation_of(
         return Ok(FramePreparation::default());
     }
     let first = session.pi_frames(from)?.next().transpose()?;
-    let is_mosaic = first.is_some_and(|picture| picture.properties.bayer.is_some());
+    let is_mosaic = first.is_some_and(|image| image.properties.bayer.is_some());
     Ok(if is_mosaic {
         FramePreparation { colour: Colour::Luma, subtract_black: true, divide_exposure: false }
     } else {

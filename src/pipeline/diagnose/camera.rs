@@ -100,11 +100,11 @@ mod tests {
     fn a_file_that_is_no_camera_is_refused_with_advice() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("camera.json");
-        let said = || DiagnosedCamera::read(&path).unwrap_err().to_string();
-        assert!(said().contains("evrig diagnose SESSION"), "{}", said());
+        let message = || DiagnosedCamera::read(&path).unwrap_err().to_string();
+        assert!(message().contains("evrig diagnose SESSION"), "{}", message());
         std::fs::write(&path, "{\"schema\": \"evrig.camera/1\"").unwrap();
-        assert!(said().contains("camera.json") && said().contains("EOF"), "{}", said());
+        assert!(message().contains("camera.json") && message().contains("EOF"), "{}", message());
         std::fs::write(&path, "{\"schema\": \"evrig.calibration/1\", \"k\": []}").unwrap();
-        assert!(said().contains("unknown field `k`"), "{}", said());
+        assert!(message().contains("unknown field `k`"), "{}", message());
     }
 }

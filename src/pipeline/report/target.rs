@@ -31,7 +31,7 @@ pub(super) fn sections(session: &Session) -> Result<Vec<Section>, PipelineError>
         sections.push(track_section(&paths, facts(session, &paths)));
     }
     if let Some(scene) = read_scene(session)? {
-        sections.push(scene_section(&scene).map_err(PipelineError::Picture)?);
+        sections.push(scene_section(&scene).map_err(PipelineError::Image)?);
     }
     let recorded = session.manifest().streams.iter().filter(|s| s.kind == StreamKind::Events);
     let mut names: Vec<StreamName> =

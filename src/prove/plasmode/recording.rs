@@ -75,7 +75,7 @@ pub struct PlasmodeRecording {
 }
 
 impl PlasmodeRecording {
-    /// Reads events and frames of an AEDAT4 file; a cut file gives what stands before the cut.
+    /// Reads events and frames of an AEDAT4 file; a cut file gives the data before the cut.
     ///
     /// # Errors
     /// When the file is no AEDAT4 file or has no events or no frames.

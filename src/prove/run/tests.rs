@@ -163,7 +163,7 @@ fn sessions_made_elsewhere_are_judged_by_their_seals_and_stay() {
 }
 
 #[test]
-fn a_plan_says_nothing_of_what_is_hidden() {
+fn a_plan_does_not_reveal_what_is_hidden() {
     let plan = ProofPlan {
         schema: "evrig.proof-plan/2".into(),
         family: Family::Plasmode,

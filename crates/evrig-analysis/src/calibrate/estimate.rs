@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_tiles_widen_the_interval_as_student_says() {
+    fn few_tiles_widen_the_interval_as_student_t_requires() {
         // qt(0.975, 5) = 2.570582 in R.
         let constant = Constant::new(1.0, 0.1, 5.0, 7);
         assert!((constant.ci95[1] - 1.257_058_2).abs() < 1e-6);

@@ -41,7 +41,7 @@ pub struct PassageFit {
     pub n_used: u64,
     /// Passages left out because they might not have ended within the recording.
     pub n_open: u64,
-    /// Mean of r^2 over what the fit foretells; 1 when drift and noise are of this model.
+    /// Mean of r^2 over its value predicted by the fit; 1 when drift and noise are of this model.
     pub variance_ratio: f64,
     /// Share of passages with |r| above 1/2, more than noise and stamps can explain.
     pub share_far: f64,

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_light_foretells_a_passage_only_when_it_will_surely_end() {
+    fn the_light_predicts_a_passage_only_when_it_will_surely_end() {
         // From 50 to 90 DN, k1 x log change passes 1 after about a third of the rise.
         let (times_us, series) = ([0, 10_000, 20_000], [50.0, 90.0, 90.0]);
         let pixel = PixelBrightness { times_us: &times_us, series: &series };

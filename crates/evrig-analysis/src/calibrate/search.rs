@@ -44,7 +44,7 @@ pub struct SearchResult {
 const MIN_START: [f64; 6] = [1e-2, 1e-3, 1e-8, 1e-10, 1e-12, 1e-8];
 /// Initial step, natural logarithms.
 const INITIAL_STEP: f64 = 0.25;
-/// Stands for "no value": `cmaes` takes finite numbers only.
+/// Represents "no value": `cmaes` takes finite numbers only.
 pub(super) const NO_VALUE: f64 = 1e12;
 
 /// Divisor of the number of evaluations for the search on all data after a thinned one.

@@ -193,7 +193,7 @@ fn the_papers_distance_sees_a_wrong_threshold_of_moving_texture() {
 }
 
 #[test]
-fn static_light_determines_nothing_and_says_so() {
+fn static_light_determines_nothing_and_states_it() {
     let still = |t_us| Luminance { t_us, size: SIZE, values: vec![100.0; SIZE.n_pixels()] };
     let frames: Vec<Luminance> = (0..20).map(|i| still(i * 200_000)).collect();
     let k = Coefficients::new([5.0, 20.0, 1e-4, 2e-6, 1e-8, 1e-5]).unwrap();

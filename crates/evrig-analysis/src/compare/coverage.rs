@@ -70,7 +70,7 @@ fn patchy(seed: u64) -> [Events; 2] {
     streams.map(sorted)
 }
 
-/// A name, the planted truth and where its estimate stands.
+/// A name, the planted truth and the index of its estimate.
 type PlantedTruth = (&'static str, f64, fn(&Comparison) -> Estimate);
 
 /// Compares many worlds and demands that each named estimate covers its truth as often as

@@ -214,7 +214,7 @@ impl Magician {
         if found.distance(expected).0 > AT_START_MM {
             return Err(ArmError::NotAtStart { found, expected });
         }
-        // The queue is filled while it stands, so that continuous moves can look ahead.
+        // The queue is filled while it is stopped, so that continuous moves can look ahead.
         self.client.stop()?;
         let deadline = duration + duration + QUEUE_TIMEOUT + QUEUE_TIMEOUT;
         let started = host_clock::now();
@@ -264,7 +264,7 @@ impl Magician {
     fn or_stop<T>(&mut self, result: Result<T, ArmError>) -> Result<T, ArmError> {
         if result.is_err() {
             self.run = None;
-            // The first error is the one to tell; the guard stops the arm again at the end.
+            // The first error is the one to report; the guard stops the arm again at the end.
             let _ = self.client.stop();
         }
         result
@@ -389,7 +389,7 @@ mod tests {
         }
     }
 
-    /// Stand, circle, stand.
+    /// Dwell, circle, dwell.
     fn path() -> ToolPath {
         let [a, b, c] = [[240.0, 0.0], [252.0, 12.0], [264.0, 0.0]]
             .map(|[x, y]| Pose::from_mm_deg([x, y, 100.0, 90.0]));
@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn a_firmware_without_circles_drives_arcs_and_says_so() {
+    fn a_firmware_without_circles_drives_arcs_and_states_it() {
         let emulator = emulator(ArmOptions { has_circle: false, ..ArmOptions::default() });
         let mut arm = homed(&emulator);
         let path = path();
@@ -454,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_longer_than_the_queue_is_fed_as_room_comes() {
+    fn a_path_longer_than_the_queue_is_fed_as_space_becomes_free() {
         let emulator = emulator(ArmOptions { queue_depth: 4, ..ArmOptions::default() });
         let mut arm = homed(&emulator);
         let poses: Vec<Pose> =
@@ -506,7 +506,7 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_under_way_stops_the_arm_and_is_told() {
+    fn an_alarm_under_way_stops_the_arm_and_is_reported() {
         let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         arm.prepare(&path()).unwrap();
@@ -634,7 +634,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_garbage_a_wedge_and_a_pulled_cable_are_told_apart() {
+    fn silence_garbage_a_wedge_and_a_pulled_cable_are_distinguished() {
         for (fault, words) in [
             ("silence", "did not answer"),
             ("garbage", "something else may be at this port"),
@@ -677,7 +677,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_are_handed_over_while_the_arm_drives_until_the_listener_has_enough() {
+    fn poses_are_delivered_while_the_arm_drives_until_the_listener_has_enough() {
         let emulator = emulator(ArmOptions::default());
         let mut arm = homed(&emulator);
         let arm: &mut dyn Arm = &mut arm;

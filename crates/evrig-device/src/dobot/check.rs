@@ -28,11 +28,12 @@ pub(super) fn path_limits(path: &ToolPath, description: &ArmDescription) -> Find
     let violations = violations(path, description);
     if violations.is_empty() {
         let (n_steps, length) = (path.steps().len(), path.length());
-        let says = format!("{n_steps} steps, {length:.0}, {}, within all limits", path.duration());
-        return Finding::good("path", says);
+        let description =
+            format!("{n_steps} steps, {length:.0}, {}, within all limits", path.duration());
+        return Finding::good("path", description);
     }
-    let says: Vec<String> = violations.iter().map(ToString::to_string).collect();
-    Finding::bad("path", says.join("; "))
+    let texts: Vec<String> = violations.iter().map(ToString::to_string).collect();
+    Finding::bad("path", texts.join("; "))
 }
 
 fn identity(client: &mut ArmClient) -> Finding {
@@ -63,7 +64,7 @@ fn state(client: &mut ArmClient) -> Vec<Finding> {
              clear the table and home it",
         )
     } else {
-        // The firmware of a Magician does not tell; a cleared power-up bit is all there is.
+        // The firmware of a Magician does not report homing; only the power-up bit is available.
         Finding::good("homed", "alarms were cleared since power-up, as homing by evrig does")
     };
     vec![standing, homed]

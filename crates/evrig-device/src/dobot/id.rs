@@ -22,7 +22,7 @@ ids! {
     DEVICE_NAME = 1,
     /// Firmware version: major, minor, revision and, by firmware, more.
     DEVICE_VERSION = 2,
-    /// Whether the arm stands on the sliding rail.
+    /// Whether the arm is mounted on the sliding rail.
     DEVICE_WITH_RAIL = 3,
     /// Milliseconds since boot, u32.
     DEVICE_TIME = 4,

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_found_is_said_with_what_is_there() {
+    fn a_missing_item_is_reported_with_those_present() {
         let root = sys(&[("ttyACM0", "2341", "0043")]);
         let error = find(root.path(), |_| Ok(())).unwrap_err();
         assert!(error.to_string().contains("/dev/ttyACM0"), "{error}");

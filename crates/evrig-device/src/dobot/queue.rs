@@ -129,7 +129,7 @@ impl ArmClient {
         if let Some(late) = fence.stale.iter().find(|frame| request.is_answered_by(frame)) {
             return self.accept(command, late).map(Some);
         }
-        // Both queued or both lost: the next index tells which. Without an answer nothing does.
+        // Both queued or both lost: the next index shows which. Without an answer it is unknown.
         let before = self.last_index;
         let probe = ArmCommand::Wait(0).frame(Ctrl::QUEUED);
         let found = match self.link.exchange(&probe, self.patience.reply) {

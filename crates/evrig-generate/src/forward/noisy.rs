@@ -31,7 +31,7 @@ const MIN_SUBSTEP: f64 = 1e-6;
 const MAX_WITHIN_BARRIER: f64 = 1.0 - 1e-12;
 
 /// Calls `fire` with the time of each event (steps of the grid, from its start) and its side, until
-/// it says no.
+/// it returns false.
 pub(super) fn simulate(
     input: &ComparatorInput,
     pixel: &PixelModel,
@@ -152,7 +152,7 @@ impl<'a> NoisyPixel<'a> {
         inside
     }
 
-    /// Draws what was put off, so that voltage and noise stand at the start of the step.
+    /// Makes the deferred draws, so that voltage and noise hold at the start of the step.
     fn catch_up(&mut self, i: usize) {
         if self.elapsed > 0.0 {
             self.volts += self.mean + self.variance.sqrt() * self.draws.normal();
@@ -332,7 +332,7 @@ struct SubStep {
     white: f64,
     /// What is left of the band-limited noise at the end.
     kept: f64,
-    /// Variance of the bridge that stands for the band-limited noise.
+    /// Variance of the bridge that represents the band-limited noise.
     band_variance: f64,
     /// Standard deviation of both.
     sd: f64,

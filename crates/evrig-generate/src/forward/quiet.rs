@@ -3,7 +3,7 @@
 use crate::pixel_model::PixelModel;
 
 /// Calls `fire` with the time of each event (steps of the grid, from its start) and its side, until
-/// it says no.
+/// it returns false.
 ///
 /// `volts` is the voltage at the instants, `NaN` where the light is not known: there the pixel
 /// keeps silent, and behind it starts anew.

@@ -26,7 +26,7 @@ impl<'a> FramePose<'a> {
 
 /// From ideal pixels at one instant to those of a frame, row-true.
 pub(super) struct FrameMapping<'a> {
-    pub(super) picture: CubicSampler<'a>,
+    pub(super) image: CubicSampler<'a>,
     /// By the time of the first, the stated and the last row.
     pub(super) rows: [Homography; 3],
     at_row: f64,
@@ -37,7 +37,7 @@ pub(super) struct FrameMapping<'a> {
 impl<'a> FrameMapping<'a> {
     pub(super) fn new(plane_from_pixel: &Homography, shot: &FramePose<'a>, at_row: f64) -> Self {
         Self {
-            picture: CubicSampler::new(shot.frame),
+            image: CubicSampler::new(shot.frame),
             rows: [0, 1, 2].map(|i| plane_from_pixel.then(&shot.rows[i])),
             at_row,
             height: f64::from(shot.frame.size.height),

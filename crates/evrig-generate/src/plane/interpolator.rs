@@ -155,7 +155,7 @@ impl PlaneInterpolator {
                 for (cell, part) in row.chunks_mut(NODE_SPACING_PX).enumerate() {
                     let lines = [meshes[0].line(cell, y), meshes[1].line(cell, y)];
                     for (k, value) in part.iter_mut().enumerate() {
-                        let look = |way: usize| ways[way].picture.at(lines[way].at(k));
+                        let look = |way: usize| ways[way].image.at(lines[way].at(k));
                         *value = match (look(0), if share == 0.0 { None } else { look(1) }) {
                             (Some(a), Some(b)) => a + (b - a) * share,
                             (Some(one), None) | (None, Some(one)) => one,

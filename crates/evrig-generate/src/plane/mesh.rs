@@ -7,7 +7,7 @@ pub(super) const NODE_SPACING_PX: usize = 8;
 
 /// Places in a frame, one for each pixel: exact at every [`NODE_SPACING_PX`]th pixel each way, straight between.
 ///
-/// What bends the way there, perspective, lens and rolling rows, bends it over the whole picture: with
+/// What bends the way there, perspective, lens and rolling rows, bends it over the whole image: with
 /// a lens that moves its corner by 30 px, straight between nodes is less than 0.02 px off.
 pub(super) struct PixelMesh {
     n_columns: usize,

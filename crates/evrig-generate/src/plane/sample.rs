@@ -85,14 +85,14 @@ mod tests {
         let size = Size::new(9, 7);
         let values = (0..63).map(|i| 3.0 + 2.0 * (i % 9) as f32 + 5.0 * (i / 9) as f32).collect();
         let frame = Luminance { t_us: 0, size, values };
-        let picture = CubicSampler::new(&frame);
+        let image = CubicSampler::new(&frame);
         for (u, v) in [(3.2, 2.9), (4.5, 3.5), (5.71, 4.33)] {
             let truth = 3.0 + 2.0 * (u - 0.5) + 5.0 * (v - 0.5);
-            assert!((picture.at([u, v]).unwrap() - truth).abs() < 1e-4);
+            assert!((image.at([u, v]).unwrap() - truth).abs() < 1e-4);
         }
-        assert!((picture.at([0.5, 0.5]).unwrap() - 3.0).abs() < 1e-6);
-        assert_eq!(picture.at([-0.01, 3.0]), None);
-        assert_eq!(picture.at([3.0, 7.0]), None);
-        assert_eq!(picture.at([f32::NAN, 3.0]), None);
+        assert!((image.at([0.5, 0.5]).unwrap() - 3.0).abs() < 1e-6);
+        assert_eq!(image.at([-0.01, 3.0]), None);
+        assert_eq!(image.at([3.0, 7.0]), None);
+        assert_eq!(image.at([f32::NAN, 3.0]), None);
     }
 }

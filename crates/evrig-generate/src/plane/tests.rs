@@ -10,7 +10,7 @@ use evrig_core::geometry::{Homography, Size};
 
 const SIZE: Size = Size { width: 96, height: 64 };
 
-/// A print that circles through the picture, and turns a little.
+/// A print that circles through the image, and turns a little.
 #[derive(Clone, Copy)]
 struct Circle;
 
@@ -71,7 +71,7 @@ fn between_frames(frame_us: i64, n: i64, rows: RowTimes) -> Vec<Luminance> {
     made
 }
 
-/// Root mean square difference within the picture.
+/// Root mean square difference within the image.
 fn apart(a: &Luminance, b: &Luminance) -> f64 {
     let margin = 8;
     let is_inner = |i: &usize| {
@@ -84,7 +84,7 @@ fn apart(a: &Luminance, b: &Luminance) -> f64 {
 }
 
 #[test]
-fn between_frames_the_print_is_where_it_was_and_as_sharp() {
+fn between_frames_the_target_is_where_it_was_and_as_sharp() {
     for rows in [RowTimes::default(), RowTimes::about_middle(60.0, SIZE)] {
         let made = between_frames(33_333, 6, rows);
         assert!(made.windows(2).all(|pair| pair[0].t_us < pair[1].t_us));

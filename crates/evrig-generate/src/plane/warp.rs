@@ -54,14 +54,14 @@ impl PlaneWarper {
                 let there = find([ideal[0] + to[0], ideal[1] + to[1]]);
                 [there[0] - at[0], there[1] - at[1]]
             };
-            *value = mean(way.picture, at, [step([1.0, 0.0]), step([0.0, 1.0])]);
+            *value = mean(way.image, at, [step([1.0, 0.0]), step([0.0, 1.0])]);
         });
         Some(Luminance { t_us: frame.t_us, size: self.size, values })
     }
 }
 
 /// The mean over the parallelogram about a place; `NaN` where any of it lies outside.
-fn mean(picture: CubicSampler<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -> f32 {
+fn mean(image: CubicSampler<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -> f32 {
     let looks = |side: [f64; 2]| side[0].hypot(side[1]).ceil().clamp(1.0, MAX_SAMPLES_PER_SIDE);
     let (n, m) = (looks(right), looks(down));
     let (mut sum, mut count) = (0.0, 0.0_f32);
@@ -69,7 +69,7 @@ fn mean(picture: CubicSampler<'_>, at: [f64; 2], [right, down]: [[f64; 2]; 2]) -
         for j in 0..m as usize {
             let (a, b) = ((i as f64 + 0.5) / n - 0.5, (j as f64 + 0.5) / m - 0.5);
             let place = [0, 1].map(|k| (at[k] + a * right[k] + b * down[k]) as f32);
-            let Some(value) = picture.at(place) else { return f32::NAN };
+            let Some(value) = image.at(place) else { return f32::NAN };
             sum += value;
             count += 1.0;
         }

@@ -71,9 +71,9 @@ impl V2e {
         let (threshold_on, threshold_off) = (about(p.threshold_on), about(p.threshold_off));
         let leak = (p.leak_spread_decades * LN_10 * draws.normal()).exp();
         let smooth = self.lin_log(self.of_255(brightness));
-        // Where the leak stands at the start is drawn, or all pixels would fire at once.
-        let stands = if p.leak_rate_hz > 0.0 { draws.uniform() * threshold_on } else { 0.0 };
-        let memorised = smooth - stands;
+        // The initial phase of the leak is drawn, or all pixels would fire at once.
+        let leaked = if p.leak_rate_hz > 0.0 { draws.uniform() * threshold_on } else { 0.0 };
+        let memorised = smooth - leaked;
         V2ePixel { threshold_on, threshold_off, leak, smooth, memorised, silent_us: 0.0 }
     }
 

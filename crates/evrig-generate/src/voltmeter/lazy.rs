@@ -121,8 +121,8 @@ fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool))
             mean: motion.drift_per_us * (span_us - elapsed),
             variance: rate * (span_us - elapsed),
         };
-        let room = 1.0 - moments.mean.abs();
-        if room > 0.0 && REACH * REACH * moments.variance < room * room {
+        let distance = 1.0 - moments.mean.abs();
+        if distance > 0.0 && REACH * REACH * moments.variance < distance * distance {
             return moments;
         }
         if drift <= NEVER * rate {

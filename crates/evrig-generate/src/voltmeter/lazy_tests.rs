@@ -139,7 +139,7 @@ fn the_fast_form_and_the_plain_form_do_the_same_to_swinging_brightness() {
 }
 
 #[test]
-fn a_pixel_that_does_not_fire_ends_where_the_law_given_no_event_says() {
+fn a_pixel_that_does_not_fire_ends_where_the_law_given_no_event_predicts() {
     // Each way to end an interval: noise alone, both barriers near, drift that nearly arrives
     // (with and without a past in which nothing was drawn).
     for (b, s, n_intervals) in

@@ -1,7 +1,7 @@
 //! The published program's shortcuts, for comparison with its output.
 //!
 //! `DVS-Voltmeter` and `Raw2Event` state the same law as [`super::passage`] and depart
-//! from it in four places, which stand here on purpose:
+//! from it in four places, reproduced here on purpose:
 //!
 //! 1. An event that does not come before the interval ends moves V along a straight line
 //!    towards the drawn barrier and the drawn time; both are forgotten at the next frame. A

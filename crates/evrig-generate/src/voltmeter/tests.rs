@@ -107,9 +107,9 @@ fn a_bad_frame_is_named_and_changes_nothing() {
         (bad(|frame| frame.values[250] = f32::NAN), "NaN at pixel (50, 2)"),
         (bad(|frame| frame.values[8_999] = -1.0), "-1 at pixel (99, 89)"),
     ];
-    for (frame, says) in cases {
+    for (frame, expected) in cases {
         let error = generator.push(&frame, &mut out).unwrap_err().to_string();
-        assert!(error.contains(says) && error.contains("frame 2"), "{error}");
+        assert!(error.contains(expected) && error.contains("frame 2"), "{error}");
     }
     for i in 2..4 {
         generator.push(&grating(i), &mut out).unwrap();

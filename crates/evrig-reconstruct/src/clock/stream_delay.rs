@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_at_rest_tells_nothing_and_that_is_said() {
+    fn a_head_at_rest_determines_nothing_and_that_is_reported() {
         let still = seen(0.0, 1.0 / 60.0, 0.0);
         let found = estimate_stream_delay(["rgb", "raw"], &still, &still);
         assert!(found.delay_us.is_none() && found.refused.is_some(), "{found:?}");

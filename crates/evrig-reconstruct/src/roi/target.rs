@@ -27,7 +27,7 @@ impl TargetPlane {
         }
     }
 
-    /// The tag's corners: bottom left, bottom right, top right, top left, as it stands upright.
+    /// The tag's corners: bottom left, bottom right, top right, top left, in upright orientation.
     #[must_use]
     pub fn tag_corners_mm(&self) -> [[f64; 2]; 4] {
         let [right, bottom] = self.bottom_right();
@@ -73,13 +73,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_picture_lies_left_of_the_tag_on_one_base_line() {
+    fn the_image_is_left_of_the_tag_with_aligned_bottoms() {
         let plane = TargetPlane { tag_side_mm: 287.0, picture_side_mm: 861.0, gap_mm: 82.0 };
-        let [tag, picture] = [plane.tag_corners_mm(), plane.picture_corners_mm()];
-        assert_eq!(tag[0][0] - picture[1][0], 82.0);
-        assert_eq!(tag[0][1], picture[1][1]);
+        let [tag, image] = [plane.tag_corners_mm(), plane.picture_corners_mm()];
+        assert_eq!(tag[0][0] - image[1][0], 82.0);
+        assert_eq!(tag[0][1], image[1][1]);
         // Together they are centred: width 861 + 82 + 287 = 1230, height 861.
-        assert_eq!((picture[3], tag[1]), ([-615.0, -430.5], [615.0, 430.5]));
+        assert_eq!((image[3], tag[1]), ([-615.0, -430.5], [615.0, 430.5]));
         assert_eq!(plane.tag_centre_mm(), [471.5, 287.0]);
         assert_eq!(plane.picture_centre_mm(), [-184.5, 0.0]);
     }

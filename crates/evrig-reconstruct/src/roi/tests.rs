@@ -80,8 +80,8 @@ impl Flight {
             let [x, y] = maps[row].apply(ideal);
             [(x - top_left[0]) / plane.tag_side_mm, (y - top_left[1]) / plane.tag_side_mm]
         };
-        let picture = taking.render(cells, &corners, tag_from_pixel);
-        let mut frame = gray((t_s * 1e6).round() as i64, to_8_bits(&picture, noise, dice));
+        let image = taking.render(cells, &corners, tag_from_pixel);
+        let mut frame = gray((t_s * 1e6).round() as i64, to_8_bits(&image, noise, dice));
         frame.timing.row_time = self.row_time;
         frame
     }
@@ -136,7 +136,7 @@ fn a_camera_that_circles_and_turns_is_followed_through_lens_and_rolling_shutter(
     assert_eq!((searched.whole_frames, searched.windows), (1, 39));
     assert!(searched.window_pixels < 39 * 346 * 260 / 4);
     // The path is the truth at any time, not only where a frame was.
-    let (mut tag, mut picture, mut covered, mut asked) = (0.0_f64, 0.0_f64, 0, 0);
+    let (mut tag, mut image, mut covered, mut asked) = (0.0_f64, 0.0_f64, 0, 0);
     let plane = track.plane;
     for i in 0..300 {
         let t_s = 0.03 + 0.0024 * f64::from(i);
@@ -149,15 +149,15 @@ fn a_camera_that_circles_and_turns_is_followed_through_lens_and_rolling_shutter(
         };
         tag += miss(plane.tag_centre_mm()).0 / 300.0;
         let (square, chi_square) = miss(plane.picture_centre_mm());
-        picture += square / 300.0;
+        image += square / 300.0;
         asked += 1;
         // 90 % of the law of chi-square with two degrees of freedom lie below 4.605.
         covered += i32::from(chi_square < 4.605);
     }
     assert!(tag.sqrt() < 0.05, "tag's middle {} px", tag.sqrt());
-    assert!(picture.sqrt() < 0.3, "picture's middle {} px", picture.sqrt());
+    assert!(image.sqrt() < 0.3, "image's middle {} px", image.sqrt());
     assert!(covered * 10 >= asked * 5, "{covered} of {asked} within the 90 % region");
-    // The region is where the lens shows the picture.
+    // The region is where the lens shows the image.
     let view = track.at(seconds(0.4)).unwrap();
     let (roi, truth) = (view.roi(), flight.homography(0.4));
     let lens = Lens::of(&rig.davis.camera);
@@ -242,7 +242,7 @@ fn sightings_off_the_path_are_named_and_left_out() {
     assert!((seen[0] - truth[0]).hypot(seen[1] - truth[1]) < 0.1);
 }
 
-/// Five frames with one and the same picture.
+/// Five frames with one and the same image.
 fn show(rig: &Rig, bytes: &[u8]) -> (Vec<Option<LossReason>>, Result<Track<Davis>, TrackError>) {
     let mut tracker = tracker(rig);
     let fates = (0..5).map(|i| tracker.see(&gray(20_000 * i, bytes.to_vec())).err()).collect();
@@ -259,7 +259,7 @@ fn still(cells: &TagCells, centre: [f64; 2]) -> Vec<u8> {
 }
 
 #[test]
-fn a_rig_that_names_the_wrong_tag_is_told_which_one_is_there() {
+fn a_rig_that_names_the_wrong_tag_is_reported_with_the_one_found() {
     let (fates, result) = show(&rig(), &still(&TagCells::tag36h11(1), [170.3, 120.8]));
     assert_eq!(fates, [Some(LossReason::OtherId); 5]);
     let message = result.unwrap_err().to_string();
@@ -300,13 +300,13 @@ fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
         let taking = Taking { width: 692, height: 520, blur_px: 1.6, levels };
         let corners = random_corners(dice.between(50.0, 58.0), &taking, &mut dice);
         let map = Homography::fit(&[0, 1, 2, 3].map(|i| (corners[i], UNIT[i]))).unwrap();
-        let picture = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
+        let image = taking.render(&TagCells::tag36h11(0), &corners, |p| map.apply(p));
         let gains = [[0.55, 1.0], [1.0, 0.7]];
         let sample = |(i, value): (usize, &f64)| {
             let gain = gains[i / 692 % 2][i % 2];
             (64.0 + gain * value + 4.0 * dice.normal()).round().clamp(0.0, 1023.0) as u16
         };
-        let samples = picture.iter().enumerate().map(sample).collect();
+        let samples = image.iter().enumerate().map(sample).collect();
         let frame = Frame::<PiSensor>::gray(
             FrameTiming::from_stamp(Stamp::from_nanos(0)),
             Size::new(692, 520),

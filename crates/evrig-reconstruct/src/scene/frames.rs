@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_at_the_end_of_its_range_says_nothing_of_the_light() {
+    fn a_frame_at_the_end_of_its_range_determines_no_light() {
         let frames =
             [frame(0, [40.0, 255.0, 255.0, 60.0]), frame(1_000, [30.0, 255.0, 80.0, 255.0])];
         let drive = FramesDrive::new(&frames, 0.0, 0.0).unwrap().without_saturated();

@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_is_led_along_and_what_stands_stays() {
+    fn moving_regions_are_compensated_and_static_regions_stay() {
         let [first, estimate, last] = [30.0, 32.0, 38.0].map(view);
         let [before, after] = [view_of(&first), view_of(&last)];
         let flow = FrameFlow::estimate(before, after, &constant_noise(), 1_500);

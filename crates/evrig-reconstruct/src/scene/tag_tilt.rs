@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_planted_tilt_of_the_print_comes_back_within_its_error() {
+    fn a_planted_tilt_of_the_target_comes_back_within_its_error() {
         let truth = head([0.015, -0.008], [0.0; 2]);
         // Two hundredths of a pixel at 1700 pixels per radian.
         let found =

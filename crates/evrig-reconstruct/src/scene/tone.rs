@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_is_told_from_a_pedestal_and_from_dark_corners() {
+    fn a_curve_is_distinguished_from_a_pedestal_and_from_dark_corners() {
         for (gamma, pedestal, loss) in
             [(1.0, 0.0, 0.0), (1.0, 0.04, 0.3), (0.85, 0.0, 0.0), (1.3, 0.0, 0.15)]
         {

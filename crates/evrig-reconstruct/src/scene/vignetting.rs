@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_that_stands_tells_nothing() {
+    fn a_static_head_determines_nothing() {
         let still = ratios(0.3, 0.0);
         let one = still
             .iter()

@@ -38,7 +38,7 @@ impl ActiveRecording<'_> {
         let mut since = Instant::now();
         loop {
             let running = self.devices.recorders.iter_mut().take(self.running.len());
-            // A camera that was lost owes nothing; finishing it tells why.
+            // A camera that was lost owes nothing; finishing it reports why.
             let shares = running.map(|recorder| recorder.settle().unwrap_or(1.0));
             let share = shares.fold(1.0, f64::min);
             (self.watch)(RecordState::Drain, share);

@@ -23,11 +23,11 @@ pub enum RecorderSample {
         /// Its images and metadata.
         frame: Box<PiFrame>,
     },
-    /// The RGB picture of a frame that was delivered without it before.
+    /// The RGB image of a frame that was delivered without it before.
     LateRgb {
         /// When it was whole.
         arrived: HostTime,
-        /// The picture and the frame's metadata.
+        /// The image and the frame's metadata.
         frame: Box<PiFrame>,
     },
     /// A remark of the device for the rig's log.

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_and_what_left_makes_room() {
+    fn what_does_not_fit_is_refused_and_what_left_makes_space() {
         let (outlet, inlet) = channel(packet(10).n_bytes() * 2);
         assert!(outlet.offer(packet(10)) && outlet.offer(packet(10)));
         assert!(!outlet.offer(packet(10)));

@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chart_without_a_single_number_says_so() {
+    fn a_chart_without_a_single_number_states_it() {
         let empty =
             chart(vec![line(vec![[0.0, f64::NAN]]), Layer::Level { y: 1.0, text: "x".into() }]);
         assert!(empty.draw_half().wide().contains("no data"));

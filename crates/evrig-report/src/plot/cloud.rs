@@ -192,7 +192,7 @@ mod tests {
     use evrig_core::event::Events;
 
     #[test]
-    fn both_sides_are_thinned_alike_and_the_caption_says_so() {
+    fn both_sides_are_thinned_alike_and_the_caption_states_it() {
         let many: Events = (0..20_000)
             .map(|t| Event { t, x: (t % 30) as u16, y: (t % 20) as u16, on: t % 3 == 0 })
             .collect();

@@ -4,7 +4,7 @@ use super::Drawing;
 use super::chart::ChartAxis;
 use super::colour::{Rgb, diverging_dark, diverging_light, sequential};
 use super::heat::BAR;
-use super::image_panel::{Bar, put_bar, put_picture};
+use super::image_panel::{Bar, put_bar, put_image};
 use super::pixel_image::{PixelImage, PixelImageError, check_length};
 use super::scale::{AxisScale, ScaleKind};
 use super::svg::{Anchor, Area, Canvas};
@@ -26,7 +26,7 @@ pub enum Colours {
 pub enum FirstRow {
     /// As an axis has it.
     Bottom,
-    /// As a picture has it.
+    /// As an image has it.
     Top,
 }
 
@@ -57,7 +57,7 @@ pub fn draw(grid: &HeatGrid<'_>) -> Result<Drawing, PixelImageError> {
     check_length(grid.cells, grid.values.len())?;
     let range = grid.range();
     let scale = AxisScale::new(grid.colours.kind(), range, [0.0, 1.0]);
-    let picture = |dark: bool| {
+    let image = |dark: bool| {
         PixelImage::from_fn_with_holes(grid.cells, |i| {
             let [width, height] = [grid.cells.width, grid.cells.height].map(usize::from);
             let (from_top, column) = (i / width, i % width);
@@ -83,8 +83,8 @@ pub fn draw(grid: &HeatGrid<'_>) -> Result<Drawing, PixelImageError> {
 
     let mut canvas = Canvas::new(460.0, 400.0);
     let area = Area { x: 58.0, y: 24.0, w: 392.0, h: 272.0 };
-    let twin = has_twin.then(|| picture(true));
-    put_picture(&mut canvas, area, &picture(false), twin.as_ref())?;
+    let twin = has_twin.then(|| image(true));
+    put_image(&mut canvas, area, &image(false), twin.as_ref())?;
     canvas.rect("frame", area);
     draw_axes(&mut canvas, grid, area);
     put_bar(&mut canvas, Area { y: area.bottom() + 50.0, h: 9.0, ..area }, &bar)?;
@@ -179,17 +179,17 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_has_its_first_row_at_the_top() {
+    fn an_image_has_its_first_row_at_the_top() {
         let values = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
         let axis = grid(&values, Colours::Sequential);
-        let picture = HeatGrid { first_row: FirstRow::Top, ..axis.clone() };
+        let image = HeatGrid { first_row: FirstRow::Top, ..axis.clone() };
         let flipped = HeatGrid { values: &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], ..axis.clone() };
         let drawn = |grid| draw(grid).unwrap().wide().to_owned();
         let cells = |svg: String| {
             svg.split("base64,").nth(1).unwrap().split('"').next().unwrap().to_owned()
         };
-        assert_eq!(cells(drawn(&picture)), cells(drawn(&flipped)));
+        assert_eq!(cells(drawn(&image)), cells(drawn(&flipped)));
         assert!(drawn(&axis).contains("data-y=\"lin 1e1 3e1\""));
-        assert!(drawn(&picture).contains("data-y=\"lin 3e1 1e1\""));
+        assert!(drawn(&image).contains("data-y=\"lin 3e1 1e1\""));
     }
 }

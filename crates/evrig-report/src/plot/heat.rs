@@ -59,7 +59,7 @@ pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>
         dark: None,
     };
     let panel = |(title, counts): &(String, &[u32])| {
-        let picture = PixelImage::from_fn(size, |i| match counts[i] {
+        let image = PixelImage::from_fn(size, |i| match counts[i] {
             0 => NO_EVENT,
             n => sequential(f64::from(n).ln() / top.ln()),
         });
@@ -74,7 +74,7 @@ pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>
                 title.to_lowercase(),
                 count(total)
             ),
-            drawing: Drawing::single(image_panel::draw(&picture, None, size, Some(&bar))?),
+            drawing: Drawing::single(image_panel::draw(&image, None, size, Some(&bar))?),
         })
     };
     maps.iter().map(panel).collect()

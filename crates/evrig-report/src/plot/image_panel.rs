@@ -38,7 +38,7 @@ pub(super) fn draw(
     let width = if ratio > 0.0 { (height / ratio).min(WIDTH) } else { WIDTH };
     let area = Area { x: (WIDTH - width) / 2.0, y: 0.0, w: width, h: height };
     let mut canvas = Canvas::new(WIDTH, height + if bar.is_some() { 54.0 } else { 0.0 });
-    put_picture(&mut canvas, area, light, dark)?;
+    put_image(&mut canvas, area, light, dark)?;
     canvas.rect("frame", area);
     let pixels = |n: u16| format!("pix 0 {n}");
     canvas.read_out(area, &pixels(grid.width), &pixels(grid.height));
@@ -49,7 +49,7 @@ pub(super) fn draw(
     Ok(canvas.finish())
 }
 
-pub(super) fn put_picture(
+pub(super) fn put_image(
     canvas: &mut Canvas,
     area: Area,
     light: &PixelImage,
@@ -66,7 +66,7 @@ pub(super) fn put_picture(
 }
 
 pub(super) fn put_bar(canvas: &mut Canvas, area: Area, bar: &Bar) -> Result<(), PixelImageError> {
-    put_picture(canvas, area, &bar.light, bar.dark.as_ref())?;
+    put_image(canvas, area, &bar.light, bar.dark.as_ref())?;
     canvas.rect("frame", area);
     let scale = AxisScale::new(bar.kind, bar.range, [area.x, area.right()]);
     let ticks = match &bar.ticks {

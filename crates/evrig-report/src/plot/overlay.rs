@@ -44,9 +44,9 @@ pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PixelImageError> {
     let panels = [("Real", overlay.real), ("Simulated", overlay.simulated)];
     let panels = panels.into_iter().map(|(title, events)| {
         let shown = events.between(from, to);
-        let mut picture = ground.clone();
+        let mut image = ground.clone();
         for event in shown.iter() {
-            picture.set(event.x, event.y, if event.on { ON } else { OFF });
+            image.set(event.x, event.y, if event.on { ON } else { OFF });
         }
         let n_on = shown.count_on();
         let (on, off) = (count(n_on as u64), count((shown.len() - n_on) as u64));
@@ -56,7 +56,7 @@ pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PixelImageError> {
             alt: format!(
                 "{title} events over the frame in the {window_ms:.1} ms from {start_s:.3} s: {on} ON and {off} OFF."
             ),
-            drawing: Drawing::single(image_panel::draw(&picture, None, overlay.size, None)?),
+            drawing: Drawing::single(image_panel::draw(&image, None, overlay.size, None)?),
         })
     });
     Ok(Figure {

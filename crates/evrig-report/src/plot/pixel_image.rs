@@ -100,26 +100,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_reads_back_pixel_by_pixel() {
+    fn an_image_reads_back_pixel_by_pixel() {
         let size = Size::new(5, 3);
-        let mut picture =
+        let mut image =
             PixelImage::from_fn_with_holes(size, |i| (i != 7).then_some([i as u8, 2 * i as u8, 0]));
-        picture.set(4, 2, [9, 8, 7]);
-        picture.set(5, 0, [1, 1, 1]);
-        let uri = picture.data_uri().unwrap();
+        image.set(4, 2, [9, 8, 7]);
+        image.set(5, 0, [1, 1, 1]);
+        let uri = image.data_uri().unwrap();
         let base64 = uri.strip_prefix("data:image/png;base64,").unwrap();
         let bytes = base64::engine::general_purpose::STANDARD.decode(base64).unwrap();
         let read = image::load_from_memory(&bytes).unwrap().to_rgba8();
-        assert_eq!(picture.at(2, 1), Some([0; 4]), "a hole is transparent");
+        assert_eq!(image.at(2, 1), Some([0; 4]), "a hole is transparent");
         for y in 0..3 {
             for x in 0..5 {
-                assert_eq!(read.get_pixel(x.into(), y.into()).0, picture.at(x, y).unwrap());
+                assert_eq!(read.get_pixel(x.into(), y.into()).0, image.at(x, y).unwrap());
             }
         }
     }
 
     #[test]
-    fn a_picture_without_pixels_is_an_error() {
+    fn an_image_without_pixels_is_an_error() {
         assert!(PixelImage::from_fn(Size::new(0, 3), |_| [0; 3]).data_uri().is_err());
     }
 }

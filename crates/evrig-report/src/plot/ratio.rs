@@ -127,7 +127,7 @@ mod tests {
         (real[size.index(3, 2)], simulated[size.index(3, 2)]) = (399, 1_599);
         real[size.index(69, 39)] = 7;
         let log2 = log2_ratio(&CountMaps { size, real: &real, simulated: &simulated });
-        assert!((log2[size.index(3, 2)] - 2.0).abs() < 1e-12, "one busy pixel stands alone");
+        assert!((log2[size.index(3, 2)] - 2.0).abs() < 1e-12, "one busy pixel is isolated");
         assert_eq!(log2[size.index(4, 2)], 0.0);
         assert!((log2[size.index(64, 32)] + 3.0).abs() < 1e-12, "a quiet corner is one cell");
         assert!((log2[size.index(69, 39)] + 3.0).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! Several charts on one sheet: an SVG file that stands alone, with its own style.
+//! Several charts on one sheet: a self-contained SVG file, with its own style.
 
 use super::Ink;
 use super::chart::{Chart, Stroke};

@@ -160,7 +160,7 @@ mod tests {
     use crate::measure::tests::measure;
 
     #[test]
-    fn the_mark_tells_the_verdict_by_its_shape() {
+    fn the_mark_shows_the_verdict_by_its_shape() {
         let range = Some([0.5, 2.0]);
         let healthy = row(&measure(1.0, 0.01, range));
         assert!(healthy.wide().contains("<circle class=\"mark is-healthy\""));

@@ -102,7 +102,7 @@ impl PiCameraFrames {
             gain: Some(metadata.analogue_gain * metadata.digital_gain),
             real_time: Some(metadata.real_time),
         };
-        Ok(self.picture(timing, size, samples, 3, properties))
+        Ok(self.image(timing, size, samples, 3, properties))
     }
 
     fn imported(
@@ -119,11 +119,11 @@ impl PiCameraFrames {
             gain: None,
             real_time,
         };
-        self.picture(FrameTiming::from_stamp(stamp), size, samples, 4, properties)
+        self.image(FrameTiming::from_stamp(stamp), size, samples, 4, properties)
     }
 
     /// The frame; colours come as R, G, B (and one unused), `n_stored` samples per pixel.
-    fn picture(
+    fn image(
         &self,
         timing: FrameTiming<PiSensor>,
         size: Size,
@@ -173,9 +173,9 @@ impl Iterator for PiCameraFrames {
     type Item = Result<RecordedFrame<PiSensor>, SessionError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let picture = self.read()?;
+        let image = self.read()?;
         self.next += 1;
-        Some(picture)
+        Some(image)
     }
 }
 

@@ -90,9 +90,9 @@ fn a_raw_frame_comes_back_with_its_ten_bits_and_the_exposure_of_the_crops_first_
     let dir = tempfile::tempdir().unwrap();
     let session = recorded(dir.path());
     assert!(session.is_from_pi("raw").unwrap());
-    let pictures: Vec<_> = session.pi_frames("raw").unwrap().map(Result::unwrap).collect();
-    assert_eq!(pictures.len(), N_FRAMES as usize);
-    let RecordedFrame { number, frame, properties } = &pictures[3];
+    let images: Vec<_> = session.pi_frames("raw").unwrap().map(Result::unwrap).collect();
+    assert_eq!(images.len(), N_FRAMES as usize);
+    let RecordedFrame { number, frame, properties } = &images[3];
     assert_eq!(*number, 3);
     let expected: Vec<u16> = (0..SIZE.n_pixels()).map(|i| sample(3, i)).collect();
     assert_eq!(frame.samples, Samples::U16(expected));
@@ -111,11 +111,11 @@ fn a_raw_frame_comes_back_with_its_ten_bits_and_the_exposure_of_the_crops_first_
 fn an_rgb_frame_keeps_its_colours_apart() {
     let dir = tempfile::tempdir().unwrap();
     let session = recorded(dir.path());
-    let picture = session.pi_frames("rgb").unwrap().nth(2).unwrap().unwrap();
-    assert_eq!(picture.frame.channels, Channels::Bgr);
-    let Samples::U8(samples) = &picture.frame.samples else { panic!("8 bits") };
+    let image = session.pi_frames("rgb").unwrap().nth(2).unwrap().unwrap();
+    assert_eq!(image.frame.channels, Channels::Bgr);
+    let Samples::U8(samples) = &image.frame.samples else { panic!("8 bits") };
     assert_eq!(samples[3 * 7..][..3], [200, 2, 7]);
-    assert_eq!(picture.properties.bayer, None);
+    assert_eq!(image.properties.bayer, None);
 }
 
 #[test]
@@ -143,9 +143,9 @@ fn a_log_that_was_cut_gives_the_frames_before_the_cut() {
     std::fs::write(layout.rig_log(), &bytes[..third]).unwrap();
     seal(&layout);
     let session = Session::open(dir.path()).unwrap();
-    let mut pictures = session.pi_frames("raw").unwrap();
-    assert_eq!(pictures.by_ref().map(Result::unwrap).count(), 3);
-    assert_eq!(pictures.n_without_metadata(), 1, "the fourth picture has no metadata");
+    let mut images = session.pi_frames("raw").unwrap();
+    assert_eq!(images.by_ref().map(Result::unwrap).count(), 3);
+    assert_eq!(images.n_without_metadata(), 1, "the fourth image has no metadata");
 }
 
 #[test]

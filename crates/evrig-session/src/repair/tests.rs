@@ -133,8 +133,8 @@ fn a_sealed_session_that_was_changed_is_not_sealed_again() {
     let root = cut_off(folder.path());
     resealed(&root);
     cut(&SessionLayout::new(&root).davis(), 0.9);
-    let said = repair(&root).unwrap_err().to_string();
-    assert!(said.contains("changed since"), "{said}");
+    let message = repair(&root).unwrap_err().to_string();
+    assert!(message.contains("changed since"), "{message}");
 }
 
 #[test]
@@ -142,8 +142,8 @@ fn a_recording_under_way_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let root = cut_off(folder.path());
     let held = Journal::open(&SessionLayout::new(&root).journal()).unwrap();
-    let said = repair(&root).unwrap_err().to_string();
-    assert!(said.contains("being recorded"), "{said}");
+    let message = repair(&root).unwrap_err().to_string();
+    assert!(message.contains("being recorded"), "{message}");
     drop(held);
     resealed(&root);
 }
@@ -151,6 +151,6 @@ fn a_recording_under_way_is_left_alone() {
 #[test]
 fn a_folder_without_a_journal_is_no_session() {
     let folder = tempfile::tempdir().unwrap();
-    let said = repair(folder.path()).unwrap_err().to_string();
-    assert!(said.contains("nothing was recorded"), "{said}");
+    let message = repair(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("nothing was recorded"), "{message}");
 }

@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn transports_are_told_apart() {
+    fn transports_are_distinguished() {
         assert_eq!("sim".parse(), Ok(CameraTransport::Sim));
         assert_eq!("tcp://pi:7777".parse(), Ok(CameraTransport::Tcp("pi:7777".into())));
         assert_eq!("file:a.aedat4".parse(), Ok(CameraTransport::File("a.aedat4".into())));

@@ -362,21 +362,21 @@ mod tests {
     #[test]
     fn an_unknown_key_is_refused_with_its_line_and_a_suggestion() {
         let error = read("name = 'a'\n[arm]\nradius_mm = 12\nradus_mm = 3").unwrap_err();
-        let said = error.to_string();
-        assert!(said.starts_with("file.toml:4: "), "{said}");
+        let report = error.to_string();
+        assert!(report.starts_with("file.toml:4: "), "{report}");
         assert!(
-            said.contains("`arm.radus_mm`") && said.contains("did you mean `radius_mm`?"),
-            "{said}"
+            report.contains("`arm.radus_mm`") && report.contains("did you mean `radius_mm`?"),
+            "{report}"
         );
     }
 
     #[test]
     fn all_mistakes_are_named_at_once() {
         let error = read("nam = 'a'\n[arm]\nradius_mm = -1\nspeed = 2").unwrap_err();
-        let said = error.to_string();
-        assert_eq!(error.problems().len(), 4, "{said}");
+        let report = error.to_string();
+        assert_eq!(error.problems().len(), 4, "{report}");
         for part in ["name", "did you mean", "-1 is outside", "`arm.speed`"] {
-            assert!(said.contains(part), "`{part}` is not in: {said}");
+            assert!(report.contains(part), "`{part}` is not in: {report}");
         }
     }
 

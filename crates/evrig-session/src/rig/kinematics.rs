@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_says_by_how_much() {
+    fn what_is_out_of_reach_states_by_how_much() {
         let arm = arm(0.0, 0.0, 0.0);
         let at = |x: f64, z: f64| arm.inverse(Pose::from_mm_deg([x, 0.0, z, 0.0]));
         assert_eq!(at(300.0, 0.0), Err(Unreachable::TooFar { by: Millimetres(18.0) }));

@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lowest_forearm_angle_rises_with_the_rear_arm_where_the_rig_says_so() {
+    fn the_lowest_forearm_angle_rises_with_the_rear_arm_where_the_rig_states_it() {
         let arm = Rig::find("magician").unwrap().arm;
         let lowest_j3 = |j2: f64| {
             let joints = Joints::from_deg([0.0, j2, 45.0, 0.0]);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gauge_says_by_how_much_and_forgives_rounding() {
+    fn a_gauge_states_by_how_much_and_forgives_rounding() {
         let over = Gauge::new("joint J4", "deg", 151.5, [-150.0, 150.0]);
         assert_eq!(
             over.to_string(),

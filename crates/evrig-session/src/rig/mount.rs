@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_looks_ahead_stands_upright_until_it_is_rolled() {
+    fn a_camera_that_looks_ahead_is_upright_until_it_is_rolled() {
         let tool = Pose::default();
         let ahead = mounting([1.0, 0.0, 0.0], 0.0).frame(tool);
         assert!(near(ahead.down, [0.0, 0.0, -1.0]) && near(ahead.right, [0.0, -1.0, 0.0]));

@@ -42,7 +42,7 @@ impl ImageReader {
         self.n_without_metadata
     }
 
-    fn picture(&self, data: &[u8]) -> Result<(Size, Samples), RigLogError> {
+    fn image(&self, data: &[u8]) -> Result<(Size, Samples), RigLogError> {
         let malformed = |because: String| self.reader.malformed(self.topic, because);
         let image =
             image::decode(data).ok_or_else(|| malformed("not a foxglove.RawImage".into()))?;
@@ -97,7 +97,7 @@ impl Iterator for ImageReader {
                 }
             };
             if message.topic == self.topic {
-                match self.picture(&message.data) {
+                match self.image(&message.data) {
                     Ok((size, samples)) => {
                         self.waiting.push_back((message.published, size, samples));
                     }
@@ -115,8 +115,8 @@ impl Iterator for ImageReader {
                     return Some(Err(self.reader.malformed(message.topic, error.to_string())));
                 }
             };
-            if let Some(picture) = self.explained(metadata) {
-                return Some(Ok(picture));
+            if let Some(image) = self.explained(metadata) {
+                return Some(Ok(image));
             }
         }
     }

@@ -164,7 +164,7 @@ mod tests {
         bytes.chunks(piece).try_for_each(|bytes| fence.check(bytes))
     }
 
-    /// Where the lengths of records in chunks stand.
+    /// Positions of the lengths of records in chunks.
     fn inner_lengths(bytes: &[u8]) -> Vec<usize> {
         let (mut at, mut found) = (mcap::MAGIC.len(), Vec::new());
         while at + HEAD_BYTES <= bytes.len() - mcap::MAGIC.len() {

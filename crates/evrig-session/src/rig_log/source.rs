@@ -48,10 +48,10 @@ impl<R: Read> RecordSource<R> {
     /// When the source cannot be read.
     pub(super) fn step(&mut self) -> io::Result<ReadStep<'_>> {
         if self.n_wanted > 0 {
-            let room = self.reader.insert(self.n_wanted.min(MAX_READ_BYTES));
+            let buffer = self.reader.insert(self.n_wanted.min(MAX_READ_BYTES));
             self.n_wanted = 0;
-            let n = self.from.read(room)?;
-            if let Err(overrun) = self.lengths.check(&room[..n]) {
+            let n = self.from.read(buffer)?;
+            if let Err(overrun) = self.lengths.check(&buffer[..n]) {
                 return Ok(ReadStep::Damage(overrun.to_string()));
             }
             self.reader.notify_read(n);
@@ -80,21 +80,21 @@ impl<R: Read> RecordSource<R> {
 mod tests {
     use super::*;
 
-    /// Bytes, and the largest room that was offered for them.
+    /// Bytes, and the largest buffer that was offered for them.
     struct Offered<'a> {
         bytes: &'a [u8],
         most: &'a mut usize,
     }
 
     impl Read for Offered<'_> {
-        fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
-            *self.most = room.len().max(*self.most);
-            self.bytes.read(room)
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            *self.most = buffer.len().max(*self.most);
+            self.bytes.read(buffer)
         }
     }
 
     #[test]
-    fn an_attachment_without_room_for_its_end_is_passed_over() {
+    fn an_attachment_without_space_for_its_end_is_passed_over() {
         // Two times of eight bytes, the lengths of two names, that of the data: 32 bytes, and no
         // checksum.
         let attachment = [&[op::ATTACHMENT][..], &32_u64.to_le_bytes(), &[0; 32]].concat();
@@ -126,6 +126,6 @@ mod tests {
             }
         };
         assert!(end.contains("in the middle of a record"), "{end}");
-        assert!(most <= MAX_READ_BYTES, "room for {most} bytes");
+        assert!(most <= MAX_READ_BYTES, "a buffer of {most} bytes");
     }
 }

@@ -46,7 +46,7 @@ impl Trajectory {
         let camera = rig.mount.davis.frame(self.start);
         let mut builder = Builder {
             trajectory: self,
-            picture: [camera.right, -camera.down],
+            image: [camera.right, -camera.down],
             forward: camera.forward,
             path: ToolPath::new(self.start),
             runs: vec![Vec::new(); self.segments.len()],
@@ -65,7 +65,7 @@ impl Trajectory {
 struct Builder<'t> {
     trajectory: &'t Trajectory,
     /// Right and up in the DAVIS's image at the start pose.
-    picture: [Vector3<f64>; 2],
+    image: [Vector3<f64>; 2],
     /// Its optical axis there.
     forward: Vector3<f64>,
     path: ToolPath,
@@ -248,7 +248,7 @@ impl Builder<'_> {
     /// The axes (u, v) of a segment's plane in the base frame.
     fn plane(&self, segment: &Segment) -> [Vector3<f64>; 2] {
         match segment.plane.unwrap_or(self.trajectory.plane) {
-            DrawingPlane::Image => self.picture,
+            DrawingPlane::Image => self.image,
             DrawingPlane::Xy => [Vector3::x(), Vector3::y()],
             DrawingPlane::Xz => [Vector3::x(), Vector3::z()],
             DrawingPlane::Yz => [Vector3::y(), Vector3::z()],
@@ -398,7 +398,7 @@ mod tests {
         path_on(&Rig::simulated().unwrap(), segments)
     }
 
-    /// Signed area of a path in the DAVIS's picture, columns to the right and rows down:
+    /// Signed area of a path in the DAVIS's image, columns to the right and rows down:
     /// positive when it runs clockwise as the camera sees it.
     fn area_seen(path: &ToolPath, rig: &Rig) -> f64 {
         let camera = rig.mount.davis.frame(path.start());
@@ -494,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_of_eight_closes_and_is_as_wide_and_high_as_it_says() {
+    fn a_figure_of_eight_closes_and_is_as_wide_and_high_as_stated() {
         let eight = "[[segment]]\nkind = 'lissajous'\nlabel = 'e'\namplitude_mm = [12, 8]\n\
             cycles = [1, 2]\nturns = 2\n";
         let path = path(eight).unwrap();

@@ -39,7 +39,7 @@ struct CircularArc {
 /// A curve in the terms of the arm's commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MotionCommand<'a> {
-    /// Stand still.
+    /// Dwell.
     Hold,
     /// Straight to the end pose; with equal positions only the wrist turns.
     Line,

@@ -142,17 +142,17 @@ mod tests {
              of = [\"circel\"]\ntimes = 0\nspeed_mm_s = 3\n"
         );
         let error = Trajectory::parse("mine.toml", &text).unwrap_err();
-        let said = error.to_string();
+        let message = error.to_string();
         for part in [
             "did you mean `circle`?",
             "no earlier segment is called `circel`",
             "0 is outside 1 to 10000",
             "did you mean `speed_mm_per_s`?",
         ] {
-            assert!(said.contains(part), "`{part}` is not in: {said}");
+            assert!(message.contains(part), "`{part}` is not in: {message}");
         }
         let last = text.lines().count();
-        assert!(said.contains(&format!("mine.toml:{last}: ")), "{said}");
+        assert!(message.contains(&format!("mine.toml:{last}: ")), "{message}");
     }
 
     #[test]

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn the_published_circle_takes_what_the_closed_form_says() {
+    fn the_published_circle_takes_what_the_closed_form_gives() {
         let plan = plan("circle");
         let circle = &plan.segments[1];
         assert!((circle.duration_s - (TAU * 12.0 / 50.0 + 50.0 / 50.0)).abs() < 1e-8);
@@ -280,9 +280,9 @@ mod tests {
             "the first point beyond, not the farthest: {pose}"
         );
         assert!((plan.path.pose_at(Span::from_secs_f64(*time_s)).distance(*pose)).0 < 1e-6);
-        let said = refused.to_string();
+        let message = refused.to_string();
         for part in ["circle", "allowed 140 to 320 mm", "mm over", "x "] {
-            assert!(said.contains(part), "`{part}` is not in: {said}");
+            assert!(message.contains(part), "`{part}` is not in: {message}");
         }
     }
 
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn the_protocol_holds_each_part_as_long_as_it_says() {
+    fn the_protocol_holds_each_part_as_long_as_stated() {
         let with = plan("protocol");
         let trajectory = Trajectory::find("protocol").unwrap();
         let rig = Rig::simulated().unwrap();
@@ -340,9 +340,9 @@ mod tests {
         let rig = Rig::simulated().unwrap();
         let error = Plan::new(&trajectory, &rig, OptionalSegments::Included).unwrap_err();
         // 2.5 x 4 ms fits into the DAVIS's 25 ms, but not into the Pi's 8.3 ms.
-        let said = error.to_string();
+        let message = error.to_string();
         for part in ["short-exposure/slow-cw", "pi", "10.000 ms", "8.333 ms"] {
-            assert!(said.contains(part), "`{part}` is not in: {said}");
+            assert!(message.contains(part), "`{part}` is not in: {message}");
         }
     }
 
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_leaves_the_picture_is_counted() {
+    fn a_target_that_leaves_the_image_is_counted() {
         let plan = changed("line", &[("by_mm = [24.0, 0.0]", "by_mm = [60.0, 0.0]")]);
         let pi = plan.views.iter().find(|view| view.camera == "pi").unwrap();
         assert!(pi.target_visible < 0.9 && pi.tag_visible > pi.target_visible, "{pi:?}");

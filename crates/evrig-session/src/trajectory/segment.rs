@@ -81,7 +81,7 @@ pub struct RatesOverride {
 /// What a segment does; lengths in millimetres, angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SegmentKind {
-    /// Stands still.
+    /// Dwells.
     Dwell {
         /// How long.
         duration: Span,

@@ -58,7 +58,7 @@ impl SimulatedArm {
         Some(self.queue.push(task).map(u64::to_le_bytes).map_or_else(Vec::new, Vec::from))
     }
 
-    /// What a written frame stands for in the queue; `None` when the firmware does not know it.
+    /// The queued command of a written frame; `None` when the firmware does not know it.
     fn task(&self, request: &ArmFrame) -> Option<QueuedTask> {
         let id = request.id();
         if self.registers.knows(id) {

@@ -30,7 +30,7 @@ impl Default for SimulatedJointLimits {
 }
 
 impl SimulatedJointLimits {
-    /// Whether the joints can stand so.
+    /// Whether the joint angles are within their limits.
     #[must_use]
     pub(super) fn allow(&self, joints: [f64; 4]) -> bool {
         let within = |value: f64, (low, high): (f64, f64)| (low..=high).contains(&value);

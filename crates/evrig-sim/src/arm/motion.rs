@@ -37,7 +37,7 @@ impl ArmGeometry<'_> {
     /// The joints at a point.
     ///
     /// # Errors
-    /// The planning alarm when the arm cannot stand there.
+    /// The planning alarm when the arm cannot reach it.
     pub(super) fn joints(&self, point: ArmPoint) -> Result<[f64; 4], Alarm> {
         let joints = match point {
             ArmPoint::Joints(joints) => joints,
@@ -58,7 +58,7 @@ impl ArmMotion {
     /// the way leaves the limits before it, the motion breaks off.
     ///
     /// # Errors
-    /// The planning alarm of an end the arm cannot stand at.
+    /// The planning alarm of an end that the arm cannot reach.
     pub(super) fn along(legs: Vec<Leg>, body: ArmGeometry<'_>) -> Result<Self, Alarm> {
         /// Places looked at on a leg; a leg of 300 mm is seen every 5 mm.
         const N_SAMPLES: u32 = 64;
@@ -71,7 +71,7 @@ impl ArmMotion {
                 let t_s = duration_s * f64::from(sample) / f64::from(N_SAMPLES);
                 let point = leg.path.at(leg.profile.fraction(t_s));
                 if let (None, Err(alarm)) = (breaks, body.joints(point)) {
-                    // The arm stands at the last place where it could.
+                    // The arm stays at the last place that it could reach.
                     let before_s = duration_s * f64::from(sample - 1) / f64::from(N_SAMPLES);
                     breaks = Some((start_s + before_s, on_the_way(alarm)));
                 }

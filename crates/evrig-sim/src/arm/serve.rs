@@ -39,7 +39,7 @@ pub enum EmulatorError {
     /// The link to the pty cannot be made.
     #[error("cannot make {} a link to the simulated arm's port", path.display())]
     Link {
-        /// Where the link was to stand.
+        /// Path of the link.
         path: PathBuf,
         /// Why not.
         source: std::io::Error,
@@ -125,7 +125,7 @@ impl ArmEmulator {
     /// Makes `path` a symbolic link to the port, in place of an older link; removed with the arm.
     ///
     /// # Errors
-    /// When something that is no link stands there, or the directory cannot be written.
+    /// When something other than a link exists there, or the directory cannot be written.
     pub fn link(&mut self, path: &Path) -> Result<(), EmulatorError> {
         let failed = |source| EmulatorError::Link { path: path.to_owned(), source };
         if path.symlink_metadata().is_ok_and(|data| data.is_symlink()) {

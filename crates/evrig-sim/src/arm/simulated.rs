@@ -123,7 +123,7 @@ impl SimulatedArm {
         Pose::from_mm_deg(self.true_xyzr(self.now))
     }
 
-    /// Where the tool is while the truth stands at `at`.
+    /// Where the tool is when the true step is `at`.
     pub(super) fn true_xyzr(&self, at: Span) -> [f64; 4] {
         let offset_deg =
             if self.is_homed { 0.0 } else { self.options.imperfections.base_offset.value() };
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_that_was_switched_on_says_so_and_moves_only_when_told() {
+    fn an_arm_that_was_switched_on_states_it_and_moves_only_when_commanded() {
         let mut arm = SimulatedArm::new(ArmOptions::default());
         assert!(arm.alarms().is_fresh_from_power_up() && !arm.alarms().has_fault());
         queue(&mut arm, ArmCommand::Wait(10));
@@ -469,7 +469,7 @@ mod tests {
         let faults: Vec<_> = arm.alarms().faults().collect();
         assert!(faults.len() == 1 && faults[0].0 & 0xf0 == 0x20, "{faults:?}");
         let y = arm.planner_pose().to_mm_deg()[1];
-        assert!(y < 240.0 && y > 50.0, "it stands on its way: {y}");
+        assert!(y < 240.0 && y > 50.0, "it stops on its way: {y}");
     }
 
     #[test]
@@ -531,20 +531,20 @@ mod tests {
     #[test]
     fn a_jog_goes_on_until_it_is_ended_or_at_its_limit() {
         let mut arm = at_start(ArmOptions::default());
-        let tell = |arm: &mut SimulatedArm, key| {
+        let set = |arm: &mut SimulatedArm, key| {
             let jog = ArmCommand::Jog { is_joint: true, key };
             arm.answer(&jog.frame(Ctrl::WRITE), arm.now());
         };
         let base = arm.joints[0];
-        tell(&mut arm, 1);
+        set(&mut arm, 1);
         arm.advance(arm.now() + ms(2_000));
-        tell(&mut arm, 0);
+        set(&mut arm, 0);
         // 15 deg/s and 60 deg/s^2 at 50 %: a ramp of 0.25 s, then 7.5 deg/s.
         let turned = arm.joints[0] - base;
         assert!((turned - 7.5 * (2.0 - 0.125)).abs() < 1e-6, "{turned}");
         arm.advance(arm.now() + ms(2_000));
         assert!((arm.joints[0] - base - turned).abs() < 1e-9);
-        tell(&mut arm, 1);
+        set(&mut arm, 1);
         arm.advance(arm.now() + ms(60_000));
         assert!((arm.joints[0] - 125.0).abs() <= 0.5, "{}", arm.joints[0]);
     }

@@ -240,8 +240,8 @@ mod tests {
     #[test]
     fn a_wrong_key_is_named_with_its_line() {
         let error = WorldDescription::parse("w.toml", "[effects]\nrefractory = 3\n").unwrap_err();
-        let said = error.to_string();
-        assert!(said.contains("w.toml") && said.contains("line 2"), "{said}");
+        let message = error.to_string();
+        assert!(message.contains("w.toml") && message.contains("line 2"), "{message}");
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl World {
         sent + delay(USB, &mut self.link(HostLink::Packet, number))
     }
 
-    /// World time at which the host has `n_bytes` of the Pi's frame `sequence`, handed over at `sent`.
+    /// World time at which the host has `n_bytes` of the Pi's frame `sequence`, sent at `sent`.
     #[must_use]
     pub fn frame_arrival(&self, sent: Span, n_bytes: usize, sequence: u64) -> Span {
         let transfer = Span::from_secs_f64(n_bytes as f64 / LINK_BYTES_PER_S);

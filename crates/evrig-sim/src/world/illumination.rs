@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn light_is_dimmed_and_flashes_as_the_schedule_says() {
+    fn light_is_dimmed_and_flashes_as_scheduled() {
         let light = light(None);
         assert_eq!(light.level(0.05), 1.0);
         assert_eq!(light.level(0.11), 1.5);

@@ -39,7 +39,7 @@ pub(super) struct ToolVibration {
 }
 
 impl ToolVibration {
-    /// `right` and `down` are those of the DAVIS's picture at the beginning.
+    /// `right` and `down` are those of the DAVIS's image at the beginning.
     pub(super) fn new(vibration: Vibration, right: Vector3<f64>, down: Vector3<f64>) -> Self {
         let (sin, cos) = vibration.direction_deg.to_radians().sin_cos();
         let way_mm = (cos * right + sin * down) * vibration.amplitude_mm;

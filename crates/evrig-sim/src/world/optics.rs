@@ -59,7 +59,7 @@ impl DistortedPinhole {
         }
     }
 
-    /// The same lens, its picture moved by a similarity about the image's centre.
+    /// The same lens, its image moved by a similarity about the image's centre.
     pub(super) fn moved(self, shift_px: [f64; 2], rotation_deg: f64, scale: f64) -> Self {
         let (sin, cos) = rotation_deg.to_radians().sin_cos();
         Self { shift_px, turn: [scale * cos, scale * sin], ..self }

@@ -43,7 +43,7 @@ pub struct SimulatedPiMetadata {
     pub sensor_timestamp: Stamp<PiSensor>,
     /// The same instant on the Pi's wall clock.
     pub frame_wall_clock: Stamp<Unix>,
-    /// The Pi's wall clock when the frame had been handed over.
+    /// The Pi's wall clock when the frame had been delivered.
     pub real_time: Stamp<Unix>,
     /// Exposure of a row as the camera states it.
     pub exposure: Span,

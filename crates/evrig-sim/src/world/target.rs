@@ -1,4 +1,4 @@
-//! The target: picture to the left, tag to the right, bottoms aligned, grey patches above the tag.
+//! The target: image to the left, tag to the right, bottoms aligned, grey patches above the tag.
 
 use super::description::PrintedTargetDescription;
 use super::error::WorldError;

@@ -8,7 +8,7 @@ use std::path::Path;
 /// Side of a bundled image in samples: 0.042 mm on the default print, a third of the Pi's pixel.
 const SIDE: usize = 1024;
 
-/// Largest side of a image file.
+/// Largest side of an image file.
 const MAX_SIDE: u32 = 8192;
 
 /// A square image: ink from 0 (darkest) to 1 (paper), row by row.
@@ -63,7 +63,7 @@ impl TargetImage {
 
 /// Dead leaves: opaque discs and polygons of random size, turn and grey over each other. Their
 /// radii's density falls as the cube, which gives the 1/f amplitude spectrum and the edges of every
-/// direction that natural pictures have (Lee, Mumford and Huang, IJCV 41:35, 2001).
+/// direction that natural images have (Lee, Mumford and Huang, IJCV 41:35, 2001).
 fn leaves(seed: u64) -> TargetImage {
     let mut draws = WorldRandom::new(seed, RandomPurpose::TargetImage, 0, 0);
     let mut values = vec![0.5_f32; SIDE * SIDE];
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_that_is_no_picture_is_refused() {
+    fn a_name_that_is_no_image_is_refused() {
         for name in ["", "leaves", "leaves-x", "stripes-3", "stripes-0-10", "cat.png"] {
             let error = TargetImage::named(name).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");

@@ -22,7 +22,7 @@ impl ToolMotion for Glide {
     }
 }
 
-/// A world to be built: a picture, a speed, settings, effects.
+/// A world to be built: an image, a speed, settings, effects.
 pub(super) struct TestWorld {
     pub(super) description: WorldDescription,
     pub(super) speed_mm_per_s: f64,
@@ -32,9 +32,9 @@ pub(super) struct TestWorld {
 
 impl TestWorld {
     /// Nothing moves, nothing is wrong.
-    pub(super) fn still(picture: &str) -> Self {
+    pub(super) fn still(image: &str) -> Self {
         let mut description = WorldDescription::default();
-        description.target.image = picture.to_owned();
+        description.target.image = image.to_owned();
         Self {
             description,
             speed_mm_per_s: 0.0,
@@ -44,8 +44,8 @@ impl TestWorld {
     }
 
     /// The tool goes to the right.
-    pub(super) fn moving(picture: &str, speed_mm_per_s: f64) -> Self {
-        Self { speed_mm_per_s, ..Self::still(picture) }
+    pub(super) fn moving(image: &str, speed_mm_per_s: f64) -> Self {
+        Self { speed_mm_per_s, ..Self::still(image) }
     }
 
     /// With the effects of a description's table.

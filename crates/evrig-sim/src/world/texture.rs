@@ -226,9 +226,9 @@ mod tests {
     use crate::world::description::PrintedTargetDescription;
     use evrig_session::rig::Rig;
 
-    fn texture(picture: &str, per_mm: f64, blur: TargetBlur) -> (PrintedTarget, TargetTexture) {
+    fn texture(image: &str, per_mm: f64, blur: TargetBlur) -> (PrintedTarget, TargetTexture) {
         let description = PrintedTargetDescription {
-            image: picture.to_owned(),
+            image: image.to_owned(),
             ..PrintedTargetDescription::default()
         };
         let target = PrintedTarget::new(&description, &Rig::simulated().unwrap().target).unwrap();
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn paper_is_flat_and_the_picture_is_not() {
+    fn paper_is_flat_and_the_image_is_not() {
         let (target, texture) = texture("leaves-1", 6.0, TargetBlur { aperture: 4.0, sigma: 2.0 });
         let [left, top, ..] = target.bounds_mm();
         let texel = |mm: f64, from: f64| ((mm - from) * texture.per_mm) as f32;

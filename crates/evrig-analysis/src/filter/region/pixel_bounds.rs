@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bent_picture_is_searched_by_where_its_pixels_lie() {
+    fn a_bent_image_is_searched_by_where_its_pixels_lie() {
         // Twice as large about the middle: half as many pixels hold the square.
         let ideal: Vec<[f32; 2]> = (0..SIZE.n_pixels())
             .map(|i| [(i % 40) as f32 - 19.5, (i / 40) as f32 - 14.5].map(|part| 2.0 * part))

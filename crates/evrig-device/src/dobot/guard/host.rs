@@ -29,7 +29,7 @@ pub struct GuardStop {
 }
 
 impl EmergencyStop for GuardStop {
-    /// Tells the guard to stop the arm and to let nothing move it any more. The next request of any
+    /// Commands the guard to stop the arm and to forward no further motion. The next request of any
     /// thread fails with [`LinkError::Stopped`], later reads are answered as before.
     fn halt(&self) -> std::io::Result<()> {
         (&*self.orders).write_all(HALT_LINE)

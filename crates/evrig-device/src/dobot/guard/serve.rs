@@ -26,13 +26,13 @@ pub fn serve(
         Ok(link) => link,
         Err(error) => {
             let text = error.to_string();
-            // Whether it is heard makes no difference: the arm was not touched.
+            // The report may be lost: the arm was not touched.
             let _ = output.write_all(&line(&GuardReport::Refused(text.clone())));
             return GuardEnd::NotBegun(text);
         }
     };
     let orders = listen(input);
-    let heard = host_clock::now();
+    let last_heartbeat = host_clock::now();
     let mut guard = Guard {
         path,
         link,
@@ -40,7 +40,7 @@ pub fn serve(
         waiting: VecDeque::new(),
         output,
         is_signalled,
-        heard,
+        last_heartbeat,
         is_stopped: false,
         is_stop_pending: false,
         is_halted: false,
@@ -81,7 +81,7 @@ struct Guard<'a, W: Write> {
     output: W,
     is_signalled: &'a AtomicBool,
     /// When evrig last sent something.
-    heard: Stamp<HostMonotonic>,
+    last_heartbeat: Stamp<HostMonotonic>,
     is_stopped: bool,
     /// Whether a stop failed and has to be repeated.
     is_stop_pending: bool,
@@ -105,7 +105,7 @@ impl<W: Write> Guard<'_, W> {
             };
             let is_heard = match order {
                 Ok(order) => {
-                    self.heard = host_clock::now();
+                    self.last_heartbeat = host_clock::now();
                     self.execute(order)
                 }
                 Err(RecvTimeoutError::Timeout) => {
@@ -120,7 +120,7 @@ impl<W: Write> Guard<'_, W> {
             if self.is_signalled.swap(false, Ordering::Relaxed) && !self.halt() {
                 return GuardEnd::HostGone;
             }
-            if is_late(self.heard) {
+            if is_late(self.last_heartbeat) {
                 return GuardEnd::HeartbeatLate;
             }
         }
@@ -132,7 +132,7 @@ impl<W: Write> Guard<'_, W> {
             GuardOrder::Heartbeat => true,
             GuardOrder::Stop => self.stop_and_report(),
             GuardOrder::Halt => self.halt(),
-            // Reads go on behind a halt, but the first one tells of it: it may be the look of
+            // Reads go on behind a halt, but the first one reports it: it may be from
             // someone who waits for a motion that will never end.
             GuardOrder::Exchange { number, request, .. }
                 if self.is_halt_unreported || self.is_halted && request.ctrl().is_write() =>
@@ -150,12 +150,12 @@ impl<W: Write> Guard<'_, W> {
 
     /// Asks the arm; a stop, a signal, a closed pipe or a late heartbeat ends the waiting.
     fn exchange(&mut self, request: &ArmFrame, patience: Span) -> Result<Exchange, LinkError> {
-        let Self { link, orders, waiting, is_signalled, heard, .. } = self;
+        let Self { link, orders, waiting, is_signalled, last_heartbeat, .. } = self;
         link.exchange_unless(request, patience, || {
             loop {
                 match orders.try_recv() {
                     Ok(order) => {
-                        *heard = host_clock::now();
+                        *last_heartbeat = host_clock::now();
                         waiting.push_back(order);
                     }
                     Err(TryRecvError::Empty) => break,
@@ -164,7 +164,7 @@ impl<W: Write> Guard<'_, W> {
             }
             waiting.iter().any(|order| matches!(order, GuardOrder::Stop | GuardOrder::Halt))
                 || is_signalled.load(Ordering::Relaxed)
-                || is_late(*heard)
+                || is_late(*last_heartbeat)
         })
     }
 
@@ -183,7 +183,7 @@ impl<W: Write> Guard<'_, W> {
         self.report(&GuardReport::Stopped(stopped))
     }
 
-    /// Says a stop that did not get through, over the port as it is now.
+    /// Repeats a stop command that failed, over the port as it is now.
     fn retry_stop(&mut self) {
         if self.is_stop_pending
             && let Ok(link) = port::open(self.path)
@@ -215,6 +215,6 @@ impl<W: Write> Drop for Guard<'_, W> {
     }
 }
 
-fn is_late(heard: Stamp<HostMonotonic>) -> bool {
-    host_clock::now() - heard > HEARTBEAT_LIMIT
+fn is_late(last_heartbeat: Stamp<HostMonotonic>) -> bool {
+    host_clock::now() - last_heartbeat > HEARTBEAT_LIMIT
 }

@@ -36,7 +36,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn fine_stripes_lose_contrast_as_a_gaussian_says_at_any_speed() {
+    fn fine_stripes_lose_contrast_as_a_gaussian_predicts_at_any_speed() {
         let stripes = |amplitude: f64, hz: f64| {
             synthetic(move |[x, _], t| {
                 (0.3 * (1.0 + amplitude * (TAU * (hz * t + x / 12.0)).sin())).ln()

@@ -13,7 +13,7 @@ effect! {
         shift_x_px: -200.0 to 200.0,
         /// Real less predicted row, event pixels.
         shift_y_px: -200.0 to 200.0,
-        /// From the predicted to the real picture, degrees, x towards y.
+        /// From the predicted to the real image, degrees, x towards y.
         rotation_deg: -180.0 to 180.0,
         /// Real over predicted size.
         scale: 0.1 to 10.0,

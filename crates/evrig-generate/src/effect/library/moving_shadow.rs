@@ -49,7 +49,7 @@ impl EffectModel for MovingShadow {
 mod tests {
     use crate::effect::test_support::*;
     #[test]
-    fn a_still_picture_fires_off_in_front_of_the_shadow_and_on_behind_it() {
+    fn a_still_image_fires_off_in_front_of_the_shadow_and_on_behind_it() {
         let words = ["moving_shadow:depth=0.6,width_px=5,speed_px_per_s=50"];
         let all = events(&still(-1.0), 1.8, &words);
         assert!(all.len() > 4 * SIZE.n_pixels());

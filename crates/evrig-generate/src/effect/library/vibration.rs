@@ -2,7 +2,7 @@
 //!
 //! The place that a pixel looks at swings along one direction; the light there is taken from the
 //! parabola through the place and the two ends of the swing, which is true as long as the
-//! picture is smooth over it. How many pixels a millimetre is, and in which direction, has a default.
+//! image is smooth over it. How many pixels a millimetre is, and in which direction, has a default.
 //! Signature: a line in the spectrum where the image has edges across the direction, and none
 //! where it is flat.
 

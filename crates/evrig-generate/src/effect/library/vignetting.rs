@@ -1,4 +1,4 @@
-//! Vignetting: the event camera's picture darkens towards its corners.
+//! Vignetting: the event camera's image darkens towards its corners.
 //!
 //! A factor on light cancels in its logarithm; what is left shows through all that depends on
 //! brightness: bandwidth, noise, leak, dark current (cos^4 law and lens stops). Signature: those

@@ -113,9 +113,9 @@ impl IntervalCoefficients {
         let sigma = all(self.k3) * gain * middle.sqrt() + all(self.k6);
         let end = mean + by;
         let spread = variance + sigma * sigma * all(self.span_us);
-        let room = all(1.0) - mean.abs().fast_max(end.abs());
+        let distance = all(1.0) - mean.abs().fast_max(end.abs());
         let is_near = all((REACH * REACH) as f32) * spread;
-        let is_free = room.simd_gt(all(0.0)) & is_near.simd_lt(room * room);
+        let is_free = distance.simd_gt(all(0.0)) & is_near.simd_lt(distance * distance);
         *state.excess = is_free.select((end - mean) - by, excess).to_array();
         *state.mean = is_free.select(end, mean).to_array();
         *state.variance = is_free.select(spread, variance).to_array();

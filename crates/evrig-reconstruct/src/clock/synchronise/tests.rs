@@ -99,7 +99,7 @@ fn readings_on_both_sides_give_the_hosts_clock_within_their_bounds() {
 }
 
 #[test]
-fn frames_alone_give_the_pis_wall_clock_and_say_so() {
+fn frames_alone_give_the_pis_wall_clock_and_state_it() {
     let mut dice = StdRng::seed_from_u64(2);
     let readout = Some(Span::from_nanos(READOUT_NS));
     let evidence =

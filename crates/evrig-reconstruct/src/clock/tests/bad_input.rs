@@ -35,7 +35,7 @@ fn duplicates_and_frames_out_of_order_are_left_out_and_counted() {
 }
 
 #[test]
-fn a_sensor_clock_that_begins_again_is_an_error_that_says_where() {
+fn a_sensor_clock_that_begins_again_is_an_error_that_states_where() {
     let mut pairs = good(200);
     let back = pairs[120].sensor - Stamp::from_nanos(1_000);
     pairs[120..].iter_mut().for_each(|pair| pair.sensor = pair.sensor - back);
@@ -47,7 +47,7 @@ fn a_sensor_clock_that_begins_again_is_an_error_that_says_where() {
 }
 
 #[test]
-fn microseconds_taken_for_nanoseconds_are_an_error_that_says_so() {
+fn microseconds_taken_for_nanoseconds_are_an_error_that_states_it() {
     let mut pairs = good(100);
     for pair in &mut pairs {
         pair.sensor = Stamp::from_nanos(pair.sensor.as_micros());

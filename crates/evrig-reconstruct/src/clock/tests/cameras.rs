@@ -42,7 +42,7 @@ fn the_offset_comes_back_at_the_cramer_rao_limit_and_its_interval_covers() {
 
 #[test]
 fn a_good_track_against_a_rare_one_is_followed_through_its_turns() {
-    // The event camera's frames come rarely and carry the path; the other track tells its turns.
+    // The event camera's frames come rarely and carry the path; the other track shows its turns.
     let scene = Scene { noise_px: 0.005, ..Scene::new(Path::BothWays, 4.0) };
     let tracks = scene.film(6);
     let (pi, davis) = Scene::zeros();

@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use std::f64::consts::TAU;
 
-/// What the tag does in the reference camera's picture.
+/// What the tag does in the reference camera's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Path {
     /// A circle at constant speed in one direction.

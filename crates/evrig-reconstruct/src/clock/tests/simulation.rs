@@ -135,7 +135,7 @@ pub(super) fn record(scenario: Scenario, seed: u64) -> Recording {
         if is_lost || waiting > QUEUE && t < stall_until {
             continue;
         }
-        // Frames are handed over one after the other.
+        // Frames are delivered one after the other.
         arrival = arrival.max(delivered + 20e-6);
         delivered = arrival;
         let sensor_ns = whole_us(BOOT_NS + ((t + late) * 1e9) as i64);

@@ -254,7 +254,7 @@ mod tests {
     use crate::world::effects::{PhotoreceptorBandwidth, ShotNoise};
 
     #[test]
-    fn a_pole_answers_a_ramp_as_the_book_says() {
+    fn a_pole_answers_a_ramp_as_in_the_textbook() {
         let mut state = 0.0;
         let pole = |tau: f64, dt: f64| LowPassPole { kept: (-dt / tau).exp(), lag: tau / dt };
         for _ in 0..7 {

@@ -6,7 +6,7 @@
 pub(super) struct Comparator {
     pub(super) on: f64,
     pub(super) off: f64,
-    /// Seconds for which the pixel is blind after an event.
+    /// Refractory period, seconds.
     pub(super) refractory: f64,
     /// Rise of both thresholds an event, in shares, and time constant of the recovery.
     pub(super) fatigue: Option<(f64, f64)>,

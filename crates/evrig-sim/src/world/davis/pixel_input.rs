@@ -6,7 +6,7 @@ use super::slab_scene::{PixelBuffers, SlabScene};
 pub(super) enum PixelInput {
     /// Always the same.
     Same(f32),
-    /// As the scratch says, look by look.
+    /// As in the scratch buffer, sample by sample.
     Varies,
 }
 
@@ -18,7 +18,8 @@ pub(super) struct InputBounds {
     pub(super) last: f32,
 }
 
-/// A few looks at what a pixel sees, with room for what lies between them; none where a shadow moves.
+/// Bounds from a few samples of what a pixel sees, widened for the times between them; none where
+/// a shadow moves.
 pub(super) fn input_bounds(pixel: usize, scene: &SlabScene<'_>) -> Option<InputBounds> {
     let (view, slab) = (scene.view, scene.slab);
     if scene.light.has_shadow() {

@@ -19,7 +19,7 @@ const STRIDE_PX: f64 = 0.2;
 /// The image's speed exceeds its mean over a slab by no more than this factor.
 const MAX_SPEED_RATIO: f64 = 2.0;
 
-/// A picture that moves less than this in a slab stands still, in pixels.
+/// An image that moves less than this in a slab counts as static, in pixels.
 const MAX_STILL_PX: f64 = 1e-6;
 
 /// Most looks in a slab, so that an absurd speed costs no absurd memory.

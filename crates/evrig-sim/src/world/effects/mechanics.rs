@@ -11,7 +11,7 @@ pub struct Vibration {
     pub frequency_hz: f64,
     /// Amplitude at the tool.
     pub amplitude_mm: f64,
-    /// Direction in the DAVIS's picture, clockwise from the right.
+    /// Direction in the DAVIS's image, clockwise from the right.
     #[serde(default)]
     pub direction_deg: f64,
 }

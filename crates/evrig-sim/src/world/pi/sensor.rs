@@ -8,13 +8,13 @@ use evrig_core::time::Span;
 use evrig_session::rig::Pose;
 use rayon::prelude::*;
 
-/// The sensor. It remembers the last mean picture: while nothing moves, only the noise is new.
+/// The sensor. It remembers the last mean image: while nothing moves, only the noise is new.
 #[derive(Debug)]
 pub(super) struct RollingSensor {
     last: Option<StillImage>,
 }
 
-/// A picture of a scene in which nothing moved.
+/// An image of a scene in which nothing moved.
 #[derive(Debug)]
 struct StillImage {
     pose: Pose,

@@ -116,9 +116,9 @@ fn a_longer_exposure_blurs_what_moves_and_is_no_brighter() {
         // Frames at 8.3 ms: the tool has gone 0.5 mm.
         let raw = raw(&frames(&stage, 2)[1]);
         let row = green_row(&raw, 40);
-        let picture = &row[8..30];
+        let image = &row[8..30];
         let (low, high) =
-            picture.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+            image.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
         ((high - low) / (high + low - 128.0), mean(&green_row(&raw, 2)))
     };
     let ((sharp, paper), (blurred, same_paper)) =
@@ -129,7 +129,7 @@ fn a_longer_exposure_blurs_what_moves_and_is_no_brighter() {
 }
 
 #[test]
-fn the_picture_is_where_the_truth_says() {
+fn the_image_is_at_its_true_position() {
     let stage = TestWorld::still("plain");
     let world = stage.world();
     let [[left, top], ..] = world.tag_corners_mm();
@@ -159,7 +159,7 @@ fn white_paper_is_white_in_rgb() {
 }
 
 #[test]
-fn the_camera_says_what_the_rig_states_and_when_it_handed_over() {
+fn the_camera_reports_what_the_rig_states_and_when_it_delivered() {
     let mut stage = TestWorld::still("plain");
     stage.description.pi.drop_fraction = 0.3;
     stage.description.clocks.pi_wall_steps = vec![[0.25, 5_000.0]];
@@ -168,13 +168,14 @@ fn the_camera_says_what_the_rig_states_and_when_it_handed_over() {
     let numbers: Vec<u64> = frames.iter().map(|frame| frame.metadata.sequence).collect();
     assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]) && numbers[59] > 70, "{numbers:?}");
     for frame in &frames {
-        let said = frame.metadata;
-        let true_end = Span::from_secs_f64(said.sequence as f64 / 120.0);
+        let message = frame.metadata;
+        let true_end = Span::from_secs_f64(message.sequence as f64 / 120.0);
         assert!(
-            (said.sensor_timestamp - world.clocks().pi_sensor(true_end)).as_nanos().abs() < 2_000
+            (message.sensor_timestamp - world.clocks().pi_sensor(true_end)).as_nanos().abs()
+                < 2_000
         );
         let step = if true_end.as_secs_f64() > 0.26 { 5_000 } else { 0 };
-        let late = (said.real_time - world.clocks().unix(true_end)).as_micros();
+        let late = (message.real_time - world.clocks().unix(true_end)).as_micros();
         assert!(late > 7_000 && (true_end.as_secs_f64() < 0.23 || late - step > 7_000), "{late}");
         let timing = frame.raw.as_ref().unwrap().timing;
         let [begin, end] = timing.exposure.unwrap();

@@ -63,7 +63,7 @@ fn vibration_swings_a_moving_tool_and_spares_a_resting_one() {
     assert!(count(shake) > count(""), "a swing passes edges again and again");
 }
 
-fn picture(stage: &TestWorld) -> Vec<f64> {
+fn image(stage: &TestWorld) -> Vec<f64> {
     let mut twin = DavisTwin::new(stage.world(), Span::ZERO);
     let frames = twin.advance_to(Span::from_micros(30_000)).frames;
     let Samples::U8(samples) = &frames[0].samples else { panic!("eight bits") };
@@ -71,7 +71,7 @@ fn picture(stage: &TestWorld) -> Vec<f64> {
 }
 
 #[test]
-fn misregistration_moves_the_picture_by_what_it_says() {
+fn misregistration_moves_the_image_by_its_parameters() {
     let stated = TestWorld::still("leaves-1").world();
     let moved =
         "misregistration = { shift_x_px = 2, shift_y_px = -1, rotation_deg = 90, scale = 1.1 }";
@@ -82,7 +82,7 @@ fn misregistration_moves_the_picture_by_what_it_says() {
     let [x, y] = at(&stated, [0.5, 0.25]);
     let [dx, dy] = [x - 24.0, y - 16.0];
     let [got_x, got_y] = at(&moved, [0.5, 0.25]);
-    // A quarter turn clockwise in a picture whose rows grow downwards: (dx, dy) to (-dy, dx).
+    // A quarter turn clockwise in an image whose rows grow downwards: (dx, dy) to (-dy, dx).
     assert!((got_x - (24.0 - 1.1 * dy + 2.0)).abs() < 1e-6);
     assert!((got_y - (16.0 + 1.1 * dx - 1.0)).abs() < 1e-6);
 }
@@ -90,8 +90,8 @@ fn misregistration_moves_the_picture_by_what_it_says() {
 #[test]
 fn defocus_flattens_edges_and_a_vignette_darkens_corners() {
     let sharpness = |stage: &TestWorld| {
-        let picture = picture(stage);
-        picture.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
+        let image = image(stage);
+        image.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
     };
     let sharp = sharpness(&TestWorld::still("leaves-1"));
     let soft = sharpness(&TestWorld::still("leaves-1").with("defocus = { sigma_px = 1.5 }"));
@@ -100,9 +100,9 @@ fn defocus_flattens_edges_and_a_vignette_darkens_corners() {
     let unchanged = sharpness(&TestWorld::still("leaves-1").with(other));
     assert!((unchanged / sharp - 1.0).abs() < 1e-9, "the DAVIS's lens is in focus");
 
-    let bare = picture(&TestWorld::still("plain"));
-    let dark = picture(&TestWorld::still("plain").with("vignetting = { corner_loss = 0.4 }"));
-    let corner = |picture: &[f64]| (picture[0] + picture[1] + picture[48] + picture[49]) / 4.0;
+    let bare = image(&TestWorld::still("plain"));
+    let dark = image(&TestWorld::still("plain").with("vignetting = { corner_loss = 0.4 }"));
+    let corner = |image: &[f64]| (image[0] + image[1] + image[48] + image[49]) / 4.0;
     assert!((corner(&dark) / corner(&bare) - 0.62).abs() < 0.04);
     let middle = 16 * 48 + 20;
     assert!((dark[middle] - bare[middle]).abs() < 8.0);

@@ -60,10 +60,10 @@ fn a_refractory_period_leaves_a_hole_in_the_intervals() {
     };
     let (free, n_free) = shortest(TestWorld::moving("leaves-1", 30.0));
     let dead = "refractory_period = { refractory_us = 4000 }";
-    let (blind, n_blind) = shortest(TestWorld::moving("leaves-1", 30.0).with(dead));
+    let (refractory, n_refractory) = shortest(TestWorld::moving("leaves-1", 30.0).with(dead));
     assert!(free < 1_500, "{free}");
-    assert!(blind >= 4_000, "{blind}");
-    assert!(n_blind < n_free);
+    assert!(refractory >= 4_000, "{refractory}");
+    assert!(n_refractory < n_free);
 }
 
 #[test]
