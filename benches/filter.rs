@@ -1,9 +1,9 @@
 //! Speed of filtering events by a moving region: `cargo bench --bench filter`.
 //!
 //! Ten million events over the whole DAVIS346, one per 100 ns, and a target image of 83 pixels that
-//! circles and rotates, its path sampled at 1 ms; and as many events that are all inside it. Reports
-//! events per second of the thread's processor time, which other programs affect little, and the
-//! ratio of that time to a copy of the same four columns.
+//! circles and rotates, its path sampled at 1 ms; and as many events that are all inside it.
+//! Reports events per second of the thread's processor time, which other programs affect little,
+//! and the ratio of that time to a copy of the same four columns.
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 

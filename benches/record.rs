@@ -6,11 +6,11 @@
 //! 49 GB, compressed by LZ4 35 GB, and as much again for the copy; `--no-copy` leaves that out.
 //!
 //! `cargo bench --bench record -- sink [SECONDS]` (30): through queues and writers of a recording
-//! into pipes, at whose other ends all is decoded, counted, held to its order, summed up, and thrown
-//! away. The sums are compared with those of what the cameras made.
+//! into pipes, at whose other ends all is decoded, counted, held to its order, summed up, and
+//! thrown away. The sums are compared with those of what the cameras made.
 //!
-//! Events are compressed as a rig's `davis.compression` states: `--compression=none` (unless stated), `lz4`
-//! or `zstd`.
+//! Events are compressed as a rig's `davis.compression` states: `--compression=none` (unless
+//! stated), `lz4` or `zstd`.
 //!
 //! Both print what was dropped, processor time of the recorder alone (the threads that make the
 //! samples, and those that read them back, are not counted), and peak memory. Exit 1 when anything
@@ -130,7 +130,8 @@ fn to_disk(seconds: f64, folder: &Path, compression: Compression, copies: bool) 
         dwells: no_dwells,
         prompts: Prompts::default(),
     };
-    // The recording ends when its last byte is on the disk; what seals it reads everything once more.
+    // The recording ends when its last byte is on the disk; what seals it reads everything once
+    // more.
     let mut ended: Option<(f64, f64, u64)> = None;
     let (began, before) = (Instant::now(), cpu_ns(ClockId::ProcessCPUTime));
     let mut watch = |state, _| {

@@ -1,8 +1,8 @@
 //! The light signal's errors against the truth of the simulated world, as a table:
 //! `cargo run --release --example drive_table -- [CASE ...]`.
 //!
-//! Cases: `short` (the five-second protocol), `tilted` (the same, the target tilted by 15 mrad that the rig
-//! does not state), `circle` (the published circle, one way), `wrist` (the wrist turns),
+//! Cases: `short` (the five-second protocol), `tilted` (the same, the target tilted by 15 mrad that
+//! the rig does not state), `circle` (the published circle, one way), `wrist` (the wrist turns),
 //! `close` (a nearer target).
 
 #![allow(clippy::print_stdout)]

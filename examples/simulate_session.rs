@@ -1,9 +1,10 @@
 //! Makes a whole session of the simulated rig in virtual time, as fast as the processor allows.
 //!
-//! `cargo run --release --example simulate_session -- RIG TRAJECTORY WORLD.toml SEED OUT [--no-rgb] [--seconds S]`
+//! `cargo run --release --example simulate_session -- RIG TRAJECTORY WORLD.toml SEED OUT [--no-rgb]
+//! [--seconds S]`
 //!
-//! WORLD.toml describes the world (see `rig/world.toml`); `-` is the nominal world. It is not stored
-//! in the session.
+//! WORLD.toml describes the world (see `rig/world.toml`); `-` is the nominal world. It is not
+//! stored in the session.
 
 #![allow(clippy::print_stdout)]
 

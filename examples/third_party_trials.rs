@@ -3,10 +3,10 @@
 //! `cargo run --release --example third_party_trials -- OUT SEED SINGLE CLEAN ALIEN`
 //!
 //! The events are made by the crate `eventcv-core`, a port of v2e's pixel model that shares no line
-//! with this project: its thresholds, photoreceptor, leak, noise and refractory period, its thinning,
-//! jitter and support filter. Only the moving image and the mapping of parameters are this example's.
-//! Where its model differs from the effect of that name, the trial keeps the difference: its low-pass
-//! is updated once a frame, its noise falls with intensity.
+//! with this project: its thresholds, photoreceptor, leak, noise and refractory period, its
+//! thinning, jitter and support filter. Only the moving image and the mapping of parameters are
+//! this example's. Where its model differs from the effect of that name, the trial keeps the
+//! difference: its low-pass is updated once a frame, its noise falls with intensity.
 
 #![allow(clippy::print_stdout)]
 
@@ -37,7 +37,8 @@ const NOISE_AT_WHITE: f64 = 0.25;
 
 /// What can be hidden: id, and the changing parameter with its value at strength one.
 const KNOWN: &[(&str, &str, f64)] = &[
-    // The image's steepest edges take a pixel some 10 ms from event to event: a shorter refractory period does nothing.
+    // The image's steepest edges take a pixel some 10 ms from event to event: a shorter refractory
+    // period does nothing.
     ("refractory_period", "refractory_us", 10_000.0),
     ("photoreceptor_bandwidth", "cutoff_hz_at_white", 60.0),
     ("threshold_mismatch", "sigma_relative", 0.06),

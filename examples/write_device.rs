@@ -3,9 +3,9 @@
 //! ```sh
 //! cargo run --example write_device
 //! ```
-//! A device keeps six promises ([`Recorder`]): it looks before it sets, `start` returns once samples
-//! flow, samples that do not fit are counted, `finish` hands over what was under way, `abort` works
-//! in any state. `CONTRIBUTING.md` states how to add its key to the rig file.
+//! A device keeps six promises ([`Recorder`]): it looks before it sets, `start` returns once
+//! samples flow, samples that do not fit are counted, `finish` hands over what was under way,
+//! `abort` works in any state. `CONTRIBUTING.md` states how to add its key to the rig file.
 
 #![allow(clippy::print_stdout)]
 

@@ -45,7 +45,8 @@ pub use stimulus::StimulusArgs;
 pub use sweep::SweepArgs;
 pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 
-/// Records paired raw, RGB and event-camera data, and explains where simulated and real events differ.
+/// Records paired raw, RGB and event-camera data, and explains where simulated and real events
+/// differ.
 #[derive(Debug, Parser)]
 #[command(name = "evrig", version, propagate_version = true, max_term_width = 100)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong use or wrong description file, \
@@ -91,7 +92,8 @@ pub enum Command {
     Sync(SyncArgs),
     /// Track the tag in frames
     Track(TrackArgs),
-    /// Reconstruct the target and register the event camera to it: the log-intensity signal of its pixels
+    /// Reconstruct the target and register the event camera to it: the log-intensity signal of its
+    /// pixels
     Scene(SceneArgs),
     /// Crop event streams to the tracked target and remove noise
     Filter(FilterArgs),
@@ -103,7 +105,8 @@ pub enum Command {
     Sweep(SweepArgs),
     /// Compare simulated with recorded events, each measure with its error
     Compare(CompareArgs),
-    /// Find physical effects that the model lacks: located, named, fitted, tested on held-out events
+    /// Find physical effects that the model lacks: located, named, fitted, tested on held-out
+    /// events
     Diagnose(DiagnoseArgs),
     /// Run concealed trials: sessions with hidden effects, diagnosed blind and scored
     Prove(ProveArgs),

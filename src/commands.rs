@@ -1,4 +1,5 @@
-//! The commands: each reads its arguments, calls the modules below, and prints the typed result once.
+//! The commands: each reads its arguments, calls the modules below, and prints the typed result
+//! once.
 //!
 //! Only here is anything printed, and only here does an error become a message and an exit code.
 

@@ -2,8 +2,8 @@
 //!
 //! Events and the event camera's frames go out as AEDAT4 over TCP, so that DV's tools and
 //! dv-processing connect; with the feature `foxglove`, everything goes to Foxglove's WebSocket too.
-//! A viewer never blocks: each has a bounded queue, and messages beyond it are dropped and counted, so
-//! the view is always current.
+//! A viewer never blocks: each has a bounded queue, and messages beyond it are dropped and counted,
+//! so the view is always current.
 
 #[cfg(feature = "foxglove")]
 mod foxglove;

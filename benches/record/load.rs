@@ -215,8 +215,8 @@ fn seen() -> Vec<Event> {
     seen.as_slice().iter().collect()
 }
 
-/// Events where a real camera saw some, which compress as such do, at an even rate; no two packets are
-/// alike, since their stamps are not.
+/// Events where a real camera saw some, which compress as such do, at an even rate; no two packets
+/// are alike, since their stamps are not.
 fn davis(load: &Load, pace: Pace) -> Box<Source> {
     let n_events = EVENTS_PER_S * PACKET.as_millis() as u64 / 1000;
     let size = Size::DAVIS346;

@@ -1,7 +1,7 @@
 //! See `inputs::aedat4`.
 //!
-//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none aedat4 target/found corpus/aedat4 -- -max_total_time=300`
-//! (run in this folder; new inputs go to `target/found`).
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none aedat4 target/found corpus/aedat4 --
+//! -max_total_time=300` (run in this folder; new inputs go to `target/found`).
 
 #![no_main]
 

@@ -1,7 +1,7 @@
 //! See `inputs::dobot`.
 //!
-//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none dobot target/found corpus/dobot -- -max_total_time=300`
-//! (run in this folder; new inputs go to `target/found`).
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none dobot target/found corpus/dobot --
+//! -max_total_time=300` (run in this folder; new inputs go to `target/found`).
 
 #![no_main]
 

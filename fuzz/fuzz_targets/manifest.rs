@@ -1,7 +1,7 @@
 //! See `inputs::manifest`.
 //!
-//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none manifest target/found corpus/manifest -- -max_total_time=300`
-//! (run in this folder; new inputs go to `target/found`).
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none manifest target/found corpus/manifest --
+//! -max_total_time=300` (run in this folder; new inputs go to `target/found`).
 
 #![no_main]
 

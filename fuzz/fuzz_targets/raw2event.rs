@@ -1,7 +1,7 @@
 //! See `inputs::raw2event_files`.
 //!
-//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none raw2event target/found corpus/raw2event -- -max_total_time=300`
-//! (run in this folder; new inputs go to `target/found`).
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none raw2event target/found corpus/raw2event --
+//! -max_total_time=300` (run in this folder; new inputs go to `target/found`).
 
 #![no_main]
 

@@ -1,7 +1,7 @@
 //! See `inputs::rig_log`.
 //!
-//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none rig_log target/found corpus/rig_log -- -max_total_time=300`
-//! (run in this folder; new inputs go to `target/found`).
+//! `RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none rig_log target/found corpus/rig_log --
+//! -max_total_time=300` (run in this folder; new inputs go to `target/found`).
 
 #![no_main]
 

@@ -1,8 +1,9 @@
 //! Measures over the sessions of a dataset, by generator variant.
 //!
-//! A measure of a variant is the mean over the sessions in which it is known. Its error is that of a
-//! bootstrap over sessions: sessions are what another recording day would draw anew, while the blocks
-//! and tiles behind a session's own error are not. One session has no such error, and none is claimed.
+//! A measure of a variant is the mean over the sessions in which it is known. Its error is that of
+//! a bootstrap over sessions: sessions are what another recording day would draw anew, while the
+//! blocks and tiles behind a session's own error are not. One session has no such error, and none
+//! is claimed.
 
 use super::{BatchError, FoundSession};
 use crate::pipeline::{PipelineError, read_comparison};
@@ -190,8 +191,9 @@ fn variant(name: &str, values: &[SessionValue], facts: &[MeasureFacts], seed: u6
     VariantMeans { name: name.to_owned(), n_sessions: sessions.len() as u64, cells }
 }
 
-/// The mean, with the spread of the means of sessions drawn anew. The plain bootstrap of a mean is too
-/// narrow by a factor of sqrt((n - 1) / n), which matters for few sessions: replicates are spread by it.
+/// The mean, with the spread of the means of sessions drawn anew. The plain bootstrap of a mean is
+/// too narrow by a factor of sqrt((n - 1) / n), which matters for few sessions: replicates are
+/// spread by it.
 fn mean(values: &[f64], seed: u64) -> Estimate {
     let n = values.len();
     if n == 0 {

@@ -105,8 +105,8 @@ pub enum Gathered {
     Complete(Box<(Index, Aggregate)>),
 }
 
-/// Submits the tasks again that a fault of the machine ended; writes the dataset's files where every
-/// task has its outcome.
+/// Submits the tasks again that a fault of the machine ended; writes the dataset's files where
+/// every task has its outcome.
 ///
 /// # Errors
 /// When nothing was submitted, the dataset is locked, or Slurm does not answer.

@@ -31,7 +31,8 @@ pub struct DatasetCompareRequest {
 /// compared is stated in [`Aggregate::left_out`]. With it comes the index.
 ///
 /// # Errors
-/// When the request is wrong, the dataset is locked or being processed on Slurm, or the disk refuses.
+/// When the request is wrong, the dataset is locked or being processed on Slurm, or the disk
+/// refuses.
 pub fn compare_dataset(
     root: &Path,
     request: &DatasetCompareRequest,

@@ -1,8 +1,8 @@
 //! A dataset on Slurm: an array job with one task per session, and a job after it that gathers.
 //!
 //! Slurm does the scheduling. This module writes two scripts into `batch/slurm`, submits them with
-//! `sbatch`, and reads `squeue`. A task writes its session's outcome last, so a task without an outcome
-//! was interrupted; the gathering job submits it again up to the given number of attempts.
+//! `sbatch`, and reads `squeue`. A task writes its session's outcome last, so a task without an
+//! outcome was interrupted; the gathering job submits it again up to the given number of attempts.
 
 mod queue;
 mod script;
@@ -77,7 +77,8 @@ impl Slurm {
         self.root.join("batch/slurm")
     }
 
-    /// Submits the job's sessions and the job that gathers; gives what was submitted, with its numbers.
+    /// Submits the job's sessions and the job that gathers; gives what was submitted, with its
+    /// numbers.
     ///
     /// # Errors
     /// When the scripts cannot be written, or `sbatch` refuses.

@@ -1,5 +1,5 @@
-//! Splits into training and evaluation parts by a hash: an added session moves no other one, and two
-//! copies of a recording are always in the same part.
+//! Splits into training and evaluation parts by a hash: an added session moves no other one, and
+//! two copies of a recording are always in the same part.
 
 use super::BatchError;
 use evrig_session::{Manifest, sha256_of_bytes};
@@ -21,8 +21,8 @@ pub enum SplitBy {
     /// A recording.
     #[default]
     Recording,
-    /// An image that was shown while recording: all recordings of it are in one part. A session that
-    /// states no image counts as one of its own.
+    /// An image that was shown while recording: all recordings of it are in one part. A session
+    /// that states no image counts as one of its own.
     Stimulus,
 }
 
@@ -115,7 +115,8 @@ impl Splits {
             return self.at(fraction(&format!("{text}stimulus {image}")));
         }
         for (file, entry) in &manifest.files {
-            // The journal contains when a session was made and differs between imports of one recording.
+            // The journal contains when a session was made and differs between imports of one
+            // recording.
             if file != "journal.jsonl" {
                 text.push_str(&format!("{} ", entry.sha256));
             }

@@ -19,8 +19,8 @@ pub struct FoundSession {
 }
 
 impl FoundSession {
-    /// A message with the session's path on this machine replaced by its path in the dataset, so that
-    /// results do not depend on the machine.
+    /// A message with the session's path on this machine replaced by its path in the dataset, so
+    /// that results do not depend on the machine.
     #[must_use]
     pub fn relative(&self, text: &str) -> String {
         text.replace(&self.path.display().to_string(), &self.key)

@@ -71,7 +71,8 @@ pub struct BatchArgs {
     #[arg(long, value_name = "NAME=SHARE,...", default_value = "train=0.8,val=0.1,test=0.1")]
     pub splits: String,
 
-    /// What no two parts share: a recording, or a displayed image (all its recordings stay in one part)
+    /// What no two parts share: a recording, or a displayed image (all its recordings stay in one
+    /// part)
     #[arg(long, value_enum, default_value = "recording")]
     pub split_by: SplitByArg,
 

@@ -12,7 +12,8 @@ use std::path::PathBuf;
     The session is recorded by the same engine, with the same protocols and into the same files as on\n\
     a real rig; the devices are simulated.")]
 pub struct DemoArgs {
-    /// The session's directory, missing or empty [default: evrig-demo, with a number if it is taken]
+    /// The session's directory, missing or empty [default: evrig-demo, with a number if it is
+    /// taken]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 

@@ -30,7 +30,8 @@ pub struct DiagnoseArgs {
     #[arg(long)]
     pub baseline: Option<BaselineChoice>,
 
-    /// The frames: aps (the DAVIS's own frames) or frames (imported ones) [default: what the session has]
+    /// The frames: aps (the DAVIS's own frames) or frames (imported ones) [default: what the
+    /// session has]
     #[arg(long, value_name = "STREAM")]
     pub from: Option<String>,
 

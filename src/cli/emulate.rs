@@ -98,7 +98,8 @@ pub struct EmulateArmArgs {
     #[arg(long)]
     pub no_circle: bool,
 
-    /// Firmware that drops a command it cannot plan and continues, instead of waiting for the alarm to be cleared
+    /// Firmware that drops a command it cannot plan and continues, instead of waiting for the alarm
+    /// to be cleared
     #[arg(long)]
     pub skip_on_alarm: bool,
 

@@ -57,7 +57,8 @@ pub struct ImportFramesArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     pub timestamps: Option<PathBuf>,
 
-    /// Events on the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p; or AEDAT4
+    /// Events on the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p;
+    /// or AEDAT4
     #[arg(long, value_name = "FILE")]
     pub events: Option<PathBuf>,
 

@@ -32,7 +32,8 @@ pub struct ProveArgs {
     #[arg(long, value_name = "FILE")]
     pub recording: Option<PathBuf>,
 
-    /// Evaluate sealed sessions made by other software: DIR/sessions/NAME with seal.json, DIR/truth/NAME.json
+    /// Evaluate sealed sessions made by other software: DIR/sessions/NAME with seal.json,
+    /// DIR/truth/NAME.json
     #[arg(long, value_name = "DIR", conflicts_with_all = ["recording", "single", "double", "clean", "alien", "local", "seconds"])]
     pub sessions: Option<PathBuf>,
 

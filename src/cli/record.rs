@@ -42,8 +42,8 @@ pub struct RecordArgs {
     #[arg(long)]
     pub home: bool,
 
-    /// Do not prompt, neither before the arm moves nor for the operator's segments; without a terminal
-    /// there is no prompt either
+    /// Do not prompt, neither before the arm moves nor for the operator's segments; without a
+    /// terminal there is no prompt either
     #[arg(long, short = 'y')]
     pub yes: bool,
 
@@ -55,9 +55,9 @@ pub struct RecordArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Record once for each image of a list (a folder, or lines `image[,label]`), shown in a browser on
-    /// the target's screen; --out is then a folder of sessions, and images whose session is complete are
-    /// skipped
+    /// Record once for each image of a list (a folder, or lines `image[,label]`), shown in a
+    /// browser on the target's screen; --out is then a folder of sessions, and images whose session
+    /// is complete are skipped
     #[arg(long, value_name = "LIST", conflicts_with_all = ["repeat", "resume"])]
     pub images: Option<PathBuf>,
 

@@ -76,7 +76,8 @@ pub struct ExportArgs {
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
 
-    /// The format [default: by the file name's extension (.npz, .h5, .parquet, .aedat4, .mcap, .rrd), else npz]
+    /// The format [default: by the file name's extension (.npz, .h5, .parquet, .aedat4, .mcap,
+    /// .rrd), else npz]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormatArg>,
 

@@ -32,9 +32,10 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub name: Option<String>,
 
-    /// Instead of a model: the camera that `evrig diagnose` fitted in this session, with its law, noise
-    /// and named effects, on the signal of that diagnosis (own); or the camera.json of another session, on
-    /// this session's scene, or on its frames with motion-compensated interpolation
+    /// Instead of a model: the camera that `evrig diagnose` fitted in this session, with its law,
+    /// noise and named effects, on the signal of that diagnosis (own); or the camera.json of
+    /// another session, on this session's scene, or on its frames with motion-compensated
+    /// interpolation
     #[arg(
         long,
         value_name = "CAMERA_JSON",
@@ -100,8 +101,8 @@ pub struct ModelArgs {
 /// Preparation of the frames and physical effects.
 #[derive(Debug, Clone, Default, Args)]
 pub struct ConditionArgs {
-    /// A physical effect, as refractory_period:refractory_us=800 (commas between parameters); may be
-    /// given several times
+    /// A physical effect, as refractory_period:refractory_us=800 (commas between parameters); may
+    /// be given several times
     #[arg(long = "effect", value_name = "ID:KEY=VALUE,...")]
     pub effects: Vec<String>,
 
@@ -113,8 +114,9 @@ pub struct ConditionArgs {
     #[arg(long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
     pub interpolate: Option<u32>,
 
-    /// Interpolate along the motion of the target instead of per pixel: needs the stream's track, removes
-    /// the frame rhythm and the rolling shutter from the events; raw frames are taken as luma
+    /// Interpolate along the motion of the target instead of per pixel: needs the stream's track,
+    /// removes the frame rhythm and the rolling shutter from the events; raw frames are taken as
+    /// luma
     #[arg(long)]
     pub in_plane: bool,
 
@@ -152,8 +154,8 @@ pub struct CalibrateArgs {
     /// The session
     pub session: PathBuf,
 
-    /// The frames: aps (the DAVIS's own), frames (imported), raw or rgb (the Pi's, mapped by the tracks
-    /// of both cameras) or scene [default: what the session has]
+    /// The frames: aps (the DAVIS's own), frames (imported), raw or rgb (the Pi's, mapped by the
+    /// tracks of both cameras) or scene [default: what the session has]
     #[arg(long, value_name = "STREAM")]
     pub from: Option<String>,
 
@@ -206,8 +208,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// A dataset: first generate this list of variants in each session: twelve or davis, or a TOML file; with
-    /// --engine slurm each task also updates its session's stages
+    /// A dataset: first generate this list of variants in each session: twelve or davis, or a TOML
+    /// file; with --engine slurm each task also updates its session's stages
     #[arg(long, value_name = "LIST", conflicts_with = "stream")]
     pub variants: Option<String>,
 
@@ -246,7 +248,8 @@ pub struct ProcessArgs {
     #[command(flatten)]
     pub choice: ModelArgs,
 
-    /// Also generate a list of variants in each session and compare them: twelve or davis, or a TOML file
+    /// Also generate a list of variants in each session and compare them: twelve or davis, or a
+    /// TOML file
     #[arg(long, value_name = "LIST")]
     pub variants: Option<String>,
 

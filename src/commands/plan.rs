@@ -25,7 +25,8 @@ pub(super) fn plan(args: &PlanArgs, output: &Output) -> anyhow::Result<Ending> {
     Ok(if plan.is_feasible { Ending::Done } else { Ending::Negative })
 }
 
-/// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong use.
+/// A file that cannot be read is a failure; one that is wrong, or a name that is none, is wrong
+/// use.
 pub(super) fn refused(error: DescriptionError) -> anyhow::Error {
     match error {
         DescriptionError::Unreadable { .. } => error.into(),

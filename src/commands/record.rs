@@ -229,8 +229,8 @@ fn summarise(
     RecordedTake { ending, manifest: outcome.manifest, value, text }
 }
 
-/// Ends a recording: Ctrl-C and other termination signals stop the arm immediately; SIGUSR1 ends at the
-/// next corner.
+/// Ends a recording: Ctrl-C and other termination signals stop the arm immediately; SIGUSR1 ends at
+/// the next corner.
 struct Operator {
     stop: StopToken,
     /// Halts the arm of the run under way.

@@ -1,7 +1,8 @@
 //! Events generated while the Pi's frames arrive, and served like those of a camera.
 //!
-//! A thread of its own generates the events from a queue of two frames. A frame older than the bound is
-//! dropped and counted, so the latency of events is at most the bound and the work of two frames.
+//! A thread of its own generates the events from a queue of two frames. A frame older than the
+//! bound is dropped and counted, so the latency of events is at most the bound and the work of two
+//! frames.
 
 use super::LiveError;
 use evrig_core::event::Events;

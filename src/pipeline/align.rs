@@ -1,6 +1,7 @@
 //! Tracks, clocks and scene, in the order in which they need each other.
 //!
-//! Tracks come first: their common motion gives the most precise clock offset; the scene needs both.
+//! Tracks come first: their common motion gives the most precise clock offset; the scene needs
+//! both.
 
 use super::PipelineError;
 use super::scene::{SceneMade, scene};

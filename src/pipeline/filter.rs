@@ -159,8 +159,8 @@ pub fn read_filter_tally(session: &Session, stream: &StreamName) -> Option<Filte
     record.tally_as().ok()
 }
 
-/// The filtered events of a stream with their grid, and the checksums of their source; none when the
-/// stage did not run on the stream as it is now.
+/// The filtered events of a stream with their grid, and the checksums of their source; none when
+/// the stage did not run on the stream as it is now.
 pub(super) fn filtered_events(
     session: &Session,
     stream: &StreamName,

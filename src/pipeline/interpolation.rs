@@ -1,4 +1,5 @@
-//! Interpolation between a stream's frames: none, per pixel, or along the motion of the target plane.
+//! Interpolation between a stream's frames: none, per pixel, or along the motion of the target
+//! plane.
 
 use super::PipelineError;
 use super::conditions::Conditions;

@@ -21,9 +21,9 @@ enum CameraFrames {
 
 /// A stream's frames as luminance in ascending time, on the events' clock.
 ///
-/// The time is mid-exposure of the middle row; [`LuminanceStream::rows`] gives the other rows'. A raw
-/// frame keeps its mosaic and its pedestal, each pixel in its own colour, as the published generator
-/// takes it.
+/// The time is mid-exposure of the middle row; [`LuminanceStream::rows`] gives the other rows'. A
+/// raw frame keeps its mosaic and its pedestal, each pixel in its own colour, as the published
+/// generator takes it.
 pub(super) struct LuminanceStream {
     source: CameraFrames,
     preparer: FramePreparer,
@@ -34,7 +34,8 @@ pub(super) struct LuminanceStream {
 /// The luminance of a frame stream.
 ///
 /// # Errors
-/// When there is no such stream, its files cannot be opened, or it is the Pi's and `sync` has not run.
+/// When there is no such stream, its files cannot be opened, or it is the Pi's and `sync` has not
+/// run.
 pub(super) fn luminance(session: &Session, name: &str) -> Result<LuminanceStream, PipelineError> {
     let source = if session.is_from_pi(name)? {
         let clocks = read_clocks(session)?.ok_or_else(|| {

@@ -1,4 +1,5 @@
-//! Every stage of a session for which it has the inputs, in the order in which they need each other.
+//! Every stage of a session for which it has the inputs, in the order in which they need each
+//! other.
 
 mod result;
 
@@ -138,8 +139,8 @@ impl ProcessRun<'_> {
         Ok(())
     }
 
-    /// Events from frames on the events' own pixel grid, with the published constants and with those
-    /// calibrated on the session.
+    /// Events from frames on the events' own pixel grid, with the published constants and with
+    /// those calibrated on the session.
     fn generate_from_own_frames(&mut self) -> Result<(), PipelineError> {
         let session = self.session;
         let Some(signal) = default_light(session) else {
@@ -169,7 +170,8 @@ impl ProcessRun<'_> {
         Ok(())
     }
 
-    /// Events from the Pi's frames, each stream with its published constants unless others are chosen.
+    /// Events from the Pi's frames, each stream with its published constants unless others are
+    /// chosen.
     fn generate_from_pi(&mut self) -> Result<(), PipelineError> {
         let session = self.session;
         let has_clock = read_clocks(session)?.is_some();
@@ -210,8 +212,8 @@ impl ProcessRun<'_> {
         Ok((request, made))
     }
 
-    /// Whether constants could be calibrated on the signal. Without the search over k: regressions and
-    /// the fit of passages take seconds, the search minutes.
+    /// Whether constants could be calibrated on the signal. Without the search over k: regressions
+    /// and the fit of passages take seconds, the search minutes.
     fn calibrate(&mut self, signal: &str) -> Result<bool, PipelineError> {
         if !self.has_real_events() {
             self.skip("calibrate", "the session has no real events");

@@ -77,7 +77,8 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
     Ok(page.to_html()?)
 }
 
-/// A stream's events as they were compared: cropped to the target, the real ones with them, or whole.
+/// A stream's events as they were compared: cropped to the target, the real ones with them, or
+/// whole.
 fn events(
     session: &Session,
     name: &StreamName,

@@ -158,8 +158,8 @@ struct Cameras {
     are_measured: bool,
 }
 
-/// The session's own rig; for the published layout the published geometry, which states only roughly
-/// how the cameras sat.
+/// The session's own rig; for the published layout the published geometry, which states only
+/// roughly how the cameras sat.
 fn cameras(session: &Session, [raw, aps]: [&str; 2]) -> Result<Cameras, PipelineError> {
     let own = session.rig()?;
     let are_measured = own.is_some();

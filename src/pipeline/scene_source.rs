@@ -14,8 +14,8 @@ pub(super) fn is_scene(session: &Session, light: &str) -> bool {
     light == SCENE && session.stream(StreamKind::Frames, SCENE).is_err()
 }
 
-/// White level above black of the frames behind the scene, DN; none where `light` is not the scene or
-/// the session holds none.
+/// White level above black of the frames behind the scene, DN; none where `light` is not the scene
+/// or the session holds none.
 ///
 /// # Errors
 /// When the scene's facts cannot be read.

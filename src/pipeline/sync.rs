@@ -85,7 +85,8 @@ pub fn sync(session: &Session, force: bool) -> Result<Synced, PipelineError> {
     let mut clocks = synchronise(&evidence)
         .map_err(|source| PipelineError::Clock { session: session.root().to_owned(), source })?;
     if let Some([(davis, AnyTrack::Davis(real)), (pi, AnyTrack::Pi(seen))]) = &tracks {
-        // Two clocks read side by side are nearly right; else the offset may be anywhere in a second.
+        // Two clocks read side by side are nearly right; else the offset may be anywhere in a
+        // second.
         let search = match clocks.reference {
             TimeReference::Host => Span::from_micros(50_000),
             TimeReference::PiWall => Span::from_micros(500_000),
@@ -284,8 +285,8 @@ fn rgb_and_raw(session: &Session) -> Result<Option<[Track<PiSensor>; 2]>, Pipeli
 }
 
 /// A corner's own place shifts with how it falls on the pixels; what all corners of a frame have in
-/// common of that is not in their covariance. Pixels; on simulated sessions residuals are then as large
-/// as stated.
+/// common of that is not in their covariance. Pixels; on simulated sessions residuals are then as
+/// large as stated.
 const COMMON_PX: f64 = 0.003;
 
 /// The middle of the tag in each detection as a perfect lens would show it.

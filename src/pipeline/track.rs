@@ -224,7 +224,8 @@ impl Follow<'_> {
                     none.insert(made.map_err(wrong)?)
                 }
             };
-            // A lost frame is in the tally with its reason, and the next one may show the tag again.
+            // A lost frame is in the tally with its reason, and the next one may show the tag
+            // again.
             let _ = tracker.see(&on_its_own_grid(image.frame));
             progress(image.number + 1);
         }

@@ -248,7 +248,8 @@ impl VariantRun<'_> {
         Ok(GenerateRequest { from, name, parameters, conditions, force })
     }
 
-    /// Calibrates on the signal where the variant takes the session's own constants and there are none.
+    /// Calibrates on the signal where the variant takes the session's own constants and there are
+    /// none.
     fn calibrate(&self, from: &str, choice: &ModelChoice) -> Result<(), PipelineError> {
         let signal = StreamName::new(from)?;
         if !choice.is_calibrated() || read_calibration(self.session, &signal)?.is_some() {
@@ -271,8 +272,8 @@ impl VariantRun<'_> {
         calibrate(self.session, &request).map(drop)
     }
 
-    /// Cuts the real stream and a generated one to the target where a track locates it: streams of two
-    /// cameras have no other common grid.
+    /// Cuts the real stream and a generated one to the target where a track locates it: streams of
+    /// two cameras have no other common grid.
     fn cut(&self, simulated: &StreamName) -> Result<(), PipelineError> {
         let Some(settings) = common_grid(self.session) else { return Ok(()) };
         for (stream, force) in [(StreamName::new("real")?, false), (simulated.clone(), self.force)]

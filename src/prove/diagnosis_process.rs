@@ -8,8 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// Stages before the diagnosis. A failure of one of them, such as a missing tag, is a property of the
-/// session that the diagnosis reports.
+/// Stages before the diagnosis. A failure of one of them, such as a missing tag, is a property of
+/// the session that the diagnosis reports.
 const BEFORE: &[&str] = &["track", "sync", "scene"];
 
 /// The program that diagnoses, its arguments and its deadline.

@@ -45,8 +45,8 @@ struct TrialKind<'a> {
 /// Columns and rows of the simulated rig's event camera.
 const SENSOR_PX: [u16; 2] = [346, 260];
 
-/// Columns and rows between which the moving target is mostly visible: pixels beside it are not judged,
-/// so a region has to divide the target and not the sensor.
+/// Columns and rows between which the moving target is mostly visible: pixels beside it are not
+/// judged, so a region has to divide the target and not the sensor.
 const TARGET_PX: [[u16; 2]; 2] = [[130, 300], [50, 210]];
 
 /// Images and trajectories of the simulated rig that trials take in turn.
@@ -90,7 +90,8 @@ fn is_placeable(entry: &StrengthScale) -> bool {
     acts_in_each && effect.is_ok_and(|effect| effect.group() == EffectGroup::Pixel)
 }
 
-/// One side of the sensor, with between two and three fifths of the columns and rows in which the target is visible.
+/// One side of the sensor, with between two and three fifths of the columns and rows in which the
+/// target is visible.
 fn part_of(random: &mut SplitMix) -> Rectangle {
     let mut ends = SENSOR_PX.map(|n| [0, n]);
     let axis = random.below(2);

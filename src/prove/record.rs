@@ -136,8 +136,8 @@ pub struct TrialRecord {
 /// Takes a folder for a run: a new one, or with `is_resumed` one in which this plan was begun.
 ///
 /// # Errors
-/// When a run is there and is not to be gone on with, or has another plan; when one is to be gone on with
-/// and there is none; when the disk refuses.
+/// When a run is there and is not to be gone on with, or has another plan; when one is to be gone
+/// on with and there is none; when the disk refuses.
 pub fn claim_folder(
     out: &Path,
     plan: &ProofPlan,

@@ -18,7 +18,8 @@ use std::time::Instant;
 /// A run of concealed trials.
 #[derive(Clone, Copy)]
 pub struct ProofRun<'a> {
-    /// Where sessions, truths, records and the score go; truths in a folder apart from the sessions.
+    /// Where sessions, truths, records and the score go; truths in a folder apart from the
+    /// sessions.
     pub out: &'a Path,
     /// Diagnoses the session at a path; it gets nothing else.
     pub ask: &'a dyn Fn(&Path) -> DiagnosisOutcome,

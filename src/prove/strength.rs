@@ -1,8 +1,8 @@
 //! Strengths of concealed effects: parameters at strength 1 and their growth with strength.
 //!
 //! Strength 1 is about where an effect begins to matter at the speeds of the simulated rig
-//! (20 to 45 pixels a second, a threshold of 0.19), and beyond what every camera has of it (a leak of
-//! 0.3 Hz, a background of 0.2 Hz, rows of 9.21 us); a trial draws from 1 to 4. The detection
+//! (20 to 45 pixels a second, a threshold of 0.19), and beyond what every camera has of it (a leak
+//! of 0.3 Hz, a background of 0.2 Hz, rows of 9.21 us); a trial draws from 1 to 4. The detection
 //! floor is not assumed here: it is what the trials measure.
 
 use std::collections::BTreeMap;

@@ -171,8 +171,8 @@ fn a_panic_of_the_host_stops_the_arm() {
     }
 }
 
-/// Whether this process and its children ignore a signal: a background job of a shell ignores SIGINT,
-/// and `nohup` ignores SIGHUP.
+/// Whether this process and its children ignore a signal: a background job of a shell ignores
+/// SIGINT, and `nohup` ignores SIGHUP.
 fn is_ignored(signal: Signal) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

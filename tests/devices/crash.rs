@@ -1,5 +1,6 @@
-//! A recorder that is killed at any moment leaves a session that can be repaired and verifies. At most
-//! the last second of any stream is missing, the arm is stopped, and the series can be resumed.
+//! A recorder that is killed at any moment leaves a session that can be repaired and verifies. At
+//! most the last second of any stream is missing, the arm is stopped, and the series can be
+//! resumed.
 //!
 //! `EVRIG_KILLS` sets the number of kills (default 8). The loss of each kill is printed in recorded
 //! time: the number of samples sent and not in the file, times their period.
@@ -189,8 +190,9 @@ struct Losses {
     poses_us: i64,
 }
 
-/// Kills a recorder at a moment, repairs its session and returns the losses; none if it ended by itself
-/// before, which happens when the machine is too busy for the simulated arm to answer in time.
+/// Kills a recorder at a moment, repairs its session and returns the losses; none if it ended by
+/// itself before, which happens when the machine is too busy for the simulated arm to answer in
+/// time.
 fn kill_one(
     setup: &CrashSetup,
     camera: &mut NumberedCamera,

@@ -1,6 +1,7 @@
 //! Third-party clients drive the simulated arm.
 //!
-//! Needs a Python with pydobot 1.3.2 and pydobotplus 0.1.2, named by `EVRIG_PYTHON`; skipped when unset.
+//! Needs a Python with pydobot 1.3.2 and pydobotplus 0.1.2, named by `EVRIG_PYTHON`; skipped when
+//! unset.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};

@@ -1,5 +1,5 @@
-//! Each device fails in each way at some moment of a recording. The recording ends in time in a sealed
-//! session that verifies, and an incomplete session is never marked complete.
+//! Each device fails in each way at some moment of a recording. The recording ends in time in a
+//! sealed session that verifies, and an incomplete session is never marked complete.
 //!
 //! `EVRIG_FAULTS` sets the number of trials per fault (default 1), each at another moment.
 
@@ -35,7 +35,8 @@ use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-/// The arm's time advances with each request, so that a path has the same number of polls on any machine.
+/// The arm's time advances with each request, so that a path has the same number of polls on any
+/// machine.
 const ARM_STEP: Span = Span::from_micros(20_000);
 /// Lower bound of the polls of any run of the path.
 const MIN_POLLS: f64 = 60.0;
@@ -209,8 +210,9 @@ fn measure_longest_stall<T>(run: impl FnOnce() -> T) -> (T, Duration) {
     (given, watch.join().unwrap())
 }
 
-/// Repeats a recording if the simulated arm, which has no permanent fault, did not answer because the
-/// machine stalled. A stop has a shorter timeout, which a busy machine may exceed without a stall.
+/// Repeats a recording if the simulated arm, which has no permanent fault, did not answer because
+/// the machine stalled. A stop has a shorter timeout, which a busy machine may exceed without a
+/// stall.
 fn retry_on_machine_stall(
     record: impl Fn() -> (FaultSetup, RecordOutcome),
 ) -> (FaultSetup, RecordOutcome) {

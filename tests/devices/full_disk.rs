@@ -42,8 +42,8 @@ impl DiskSetup {
         self.folder.path().join("session")
     }
 
-    /// Records under a limit set by the shell. A process that ignores SIGXFSZ gets an error from a write
-    /// beyond `-f`, as on a full disk.
+    /// Records under a limit set by the shell. A process that ignores SIGXFSZ gets an error from a
+    /// write beyond `-f`, as on a full disk.
     fn record(&self, limit: &str) -> Output {
         let script = format!("trap '' XFSZ; ulimit {limit} && exec \"$@\"");
         Command::new("bash")

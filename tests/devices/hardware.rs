@@ -1,7 +1,7 @@
 //! A real rig: `EVRIG_HARDWARE=rig/lab.toml cargo test --test devices hardware:: -- --nocapture`.
 //!
-//! The arm drives the bundled trajectory `line`: 40 mm in the air before the target. Skipped when the
-//! variable is unset. `EVRIG_HARDWARE=sim` runs the test on the simulated rig.
+//! The arm drives the bundled trajectory `line`: 40 mm in the air before the target. Skipped when
+//! the variable is unset. `EVRIG_HARDWARE=sim` runs the test on the simulated rig.
 
 use evrig::rig::Rig;
 use evrig::session::{Session, SessionStatus, StreamKind, verify};

@@ -1,4 +1,5 @@
-//! The live view as clients receive it: AEDAT4 by evrig and dv-processing, Foxglove by a raw socket.
+//! The live view as clients receive it: AEDAT4 by evrig and dv-processing, Foxglove by a raw
+//! socket.
 //!
 //! The test with dv-processing needs a Python named by `EVRIG_PYTHON`; skipped when unset.
 

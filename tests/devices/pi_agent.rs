@@ -1,4 +1,5 @@
-//! The agent of the Pi's camera and its host: keys, unpaired clients, limits and delivery of frames.
+//! The agent of the Pi's camera and its host: keys, unpaired clients, limits and delivery of
+//! frames.
 
 use evrig::delivery::{Coding, Focus, RgbDelivery};
 use evrig::device::pi::{AgentAddress, NetworkPi, PiTimeouts, pairing};

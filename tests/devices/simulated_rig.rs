@@ -156,8 +156,8 @@ fn assert_imu_measures_motion(session: &Session, [begun, ended]: [i64; 2]) {
     let before = begun - 60_000;
     let down = mean(i64::MIN, before, 2);
     assert!((down + 1.0).abs() < 0.061, "{down} g along the view");
-    // It accelerates at 0.4 m/s^2 for 50 ms (22 ms for the first 0.1 mm) and decelerates alike at the
-    // end: 0.041 g in both directions.
+    // It accelerates at 0.4 m/s^2 for 50 ms (22 ms for the first 0.1 mm) and decelerates alike at
+    // the end: 0.041 g in both directions.
     let along =
         |from: i64, to: i64| [0, 1].map(|axis| mean(from, to, axis) - mean(i64::MIN, before, axis));
     let [up_x, up_y] = along(begun - 40_000, begun + 40_000);

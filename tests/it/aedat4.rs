@@ -88,7 +88,8 @@ fn element_counts_agree_with_other_readers() {
                 assert_eq!(frame.size, Size::DAVIS346);
                 if counts.frames == 1 {
                     pixels = frame.brightness().iter().map(|&value| value as u64).sum();
-                    // The recorder stores the middle of the exposure; dv-processing shows its start.
+                    // The recorder stores the middle of the exposure; dv-processing shows its
+                    // start.
                     let [start, end] = frame.timing.exposure.expect("DV states the exposure");
                     assert_eq!(start.as_micros(), 1_589_163_147_364_965);
                     assert_eq!(end.as_micros() - start.as_micros(), 500);

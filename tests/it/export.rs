@@ -1,13 +1,14 @@
 //! The files of `evrig export` are read back by evrig and by common libraries.
 //!
-//! The libraries need a Python with the packages of `.ci/python-packages.txt`, named by `EVRIG_PYTHON`;
-//! these tests are skipped when it is unset.
+//! The libraries need a Python with the packages of `.ci/python-packages.txt`, named by
+//! `EVRIG_PYTHON`; these tests are skipped when it is unset.
 
 use crate::sessions::{self, python, run, text};
 use crate::small_rig;
 use std::path::{Path, PathBuf};
 
-/// The start of the real recording, truncated inside a packet: some tens of frames and their events.
+/// The start of the real recording, truncated inside a packet: some tens of frames and their
+/// events.
 fn street(directory: &Path) -> PathBuf {
     let bytes = std::fs::read("tests/data/davis346-street.aedat4").unwrap();
     let cut = directory.join("cut.aedat4");

@@ -38,7 +38,8 @@ impl SplitMix {
     }
 }
 
-/// Mutates bits, bytes and lengths, truncates, repeats, deletes, or splices in a part of another input.
+/// Mutates bits, bytes and lengths, truncates, repeats, deletes, or splices in a part of another
+/// input.
 fn mutated(bytes: &[u8], other: &[u8], random: &mut SplitMix) -> Vec<u8> {
     let mut bytes = bytes[..bytes.len().min(MAX_BYTES)].to_vec();
     for _ in 0..1 + random.below(4) {

@@ -1,5 +1,5 @@
-//! A dataset processed on a real Slurm gives the same bytes as a local run, despite a killed task and
-//! cancelled jobs.
+//! A dataset processed on a real Slurm gives the same bytes as a local run, despite a killed task
+//! and cancelled jobs.
 //!
 //! Starts munged, slurmctld and slurmd in a temporary folder; skipped where they are not installed
 //! (Debian: slurm-wlm, munge).

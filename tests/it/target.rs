@@ -1,5 +1,5 @@
-//! A simulated session is synchronized, tracked, filtered and compared; the results are checked against
-//! the simulated truth.
+//! A simulated session is synchronized, tracked, filtered and compared; the results are checked
+//! against the simulated truth.
 
 use crate::small_rig;
 
@@ -86,7 +86,8 @@ fn the_tag_is_found_upright_in_every_frame_of_every_stream() {
         let again = tracked(&session, stream);
         assert_eq!(again.freshness, Freshness::Fresh);
         let summary = &again.summary;
-        // Found in all frames; in a short series one or two may be rejected as outliers of the path.
+        // Found in all frames; in a short series one or two may be rejected as outliers of the
+        // path.
         assert!(summary.n_used * 100 >= summary.n_seen * 97, "{stream}: {summary:?}");
         let expected = 14.35 * scale_px_per_mm;
         assert!((summary.picture_px / expected - 1.0).abs() < 0.02, "{stream}: {summary:?}");

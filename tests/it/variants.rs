@@ -1,5 +1,5 @@
-//! Lists of generators and the calibration of their constants, on a simulated session with raw and RGB
-//! frames of the Pi.
+//! Lists of generators and the calibration of their constants, on a simulated session with raw and
+//! RGB frames of the Pi.
 
 use crate::small_rig;
 

@@ -2,9 +2,11 @@
 //!
 //! Three estimators, each starting from the one before:
 //! 1. [`Regressions`]: the paper's procedure, samples binned by brightness and its change,
-//!    first-passage distributions fitted to each bin, three weighted regressions. Biased, as listed there.
+//!    first-passage distributions fitted to each bin, three weighted regressions. Biased, as listed
+//!    there.
 //! 2. [`PassageFit`]: estimating equations over whole passages, unbiased under the model.
-//! 3. [`search`](fn@search): a CMA-ES search over k by an [`Objective`], evaluated on held-out tiles.
+//! 3. [`search`](fn@search): a CMA-ES search over k by an [`Objective`], evaluated on held-out
+//!    tiles.
 //!
 //! Pixels are split into training and held-out tiles in a checkerboard; constants are fitted to the
 //! training tiles only.
@@ -104,7 +106,8 @@ pub enum CalibrateError {
     },
 }
 
-/// The paper's regressions on one part of the pixels. `seed` draws the resamplings behind the errors.
+/// The paper's regressions on one part of the pixels. `seed` draws the resamplings behind the
+/// errors.
 ///
 /// # Errors
 /// When there are too few events over too few light levels.

@@ -1,12 +1,13 @@
 //! Real events against simulated events, on one pixel grid and in one time window.
 //!
-//! [`compare`] computes measures with errors ([`Measure`]), curves and maps. Each stream is read once
-//! into a profile of counts and intervals. Every measure is a function of the two profiles and has a
-//! file of its own with its definition, source and limitations.
+//! [`compare`] computes measures with errors ([`Measure`]), curves and maps. Each stream is read
+//! once into a profile of counts and intervals. Every measure is a function of the two profiles and
+//! has a file of its own with its definition, source and limitations.
 //!
 //! # Errors of the measures
-//! Events are not independent: one edge triggers many pixels, a noisy pixel fires repeatedly. Errors
-//! therefore come from a bootstrap over **clusters**, real and simulated events of a cluster as a pair:
+//! Events are not independent: one edge triggers many pixels, a noisy pixel fires repeatedly.
+//! Errors therefore come from a bootstrap over **clusters**, real and simulated events of a cluster
+//! as a pair:
 //! - *time blocks*, 40 equal parts of the window, all pixels of each: count_ratio, polarity_delta,
 //!   spatial_emd. Valid when blocks are nearly independent.
 //! - *tiles*, squares of pixels with their whole history: active_pixel_ratio,
@@ -14,8 +15,8 @@
 //!   and the rate-map error. Valid when tiles are nearly independent.
 //!
 //! # Unknown values
-//! A measure without data (no events, one event per pixel) is unknown: NaN here, `null` in JSON, with
-//! the reason in `unknown_because`. With a single cluster only the error is unknown.
+//! A measure without data (no events, one event per pixel) is unknown: NaN here, `null` in JSON,
+//! with the reason in `unknown_because`. With a single cluster only the error is unknown.
 
 mod active_pixel_ratio;
 mod bootstrap;

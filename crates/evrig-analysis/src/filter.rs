@@ -1,7 +1,7 @@
 //! Event filters.
 //!
-//! A filter maps events to kept events and a [`DropTally`] with the dropped ones by reason. Real and
-//! generated streams need the same filters; filtering only one would introduce a difference.
+//! A filter maps events to kept events and a [`DropTally`] with the dropped ones by reason. Real
+//! and generated streams need the same filters; filtering only one would introduce a difference.
 //!
 //! | filter | drops |
 //! | --- | --- |
@@ -111,8 +111,8 @@ fn keep(
     Ok(Filtered { events: kept, tally })
 }
 
-/// Checks a chunk that begins at event `start`, after one at `previous_us`. Without early return, so
-/// that the loops vectorise.
+/// Checks a chunk that begins at event `start`, after one at `previous_us`. Without early return,
+/// so that the loops vectorise.
 fn check(
     chunk: EventSlice<'_>,
     size: Size,

@@ -118,8 +118,8 @@ impl<'a> DriveRun<'a> {
         }
     }
 
-    /// Passes the next instant to the generator and appends the events since the one before; `false`
-    /// when there is none left.
+    /// Passes the next instant to the generator and appends the events since the one before;
+    /// `false` when there is none left.
     ///
     /// # Errors
     /// Errors of the generator.
@@ -218,7 +218,8 @@ mod tests {
 
     #[test]
     fn esim_fires_when_a_known_swing_crosses_its_levels_not_when_frames_come() {
-        // Of a half wave the levels 0.1 to 0.5 are crossed on the way out, 0.4 to 0 on the way back.
+        // Of a half wave the levels 0.1 to 0.5 are crossed on the way out, 0.4 to 0 on the way
+        // back.
         let drive = Known(|_, t: f64| 0.55 * (std::f64::consts::TAU * t).sin() - 1.0);
         let events = run(&drive, &esim(), 1_000);
         let found = times(&events, 7, 3);
@@ -239,7 +240,8 @@ mod tests {
 
     #[test]
     fn the_voltmeters_intervals_on_a_known_slope_have_the_laws_mean_and_spread() {
-        // A light signal that rises evenly for two seconds; k1 ln L crosses a threshold every 50 ms.
+        // A light signal that rises evenly for two seconds; k1 ln L crosses a threshold every 50
+        // ms.
         let slope = 2.0;
         let k = Coefficients::new([10.0, 1e-9, 0.0, 0.0, 0.0, 3e-4]).unwrap();
         let drive = Known(move |_, t: f64| slope * t - 5.0);

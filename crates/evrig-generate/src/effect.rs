@@ -6,8 +6,9 @@
 //! frame camera is an error of the frames, so here it is inverted: a generator with `tone_curve`
 //! undoes the curve and makes the events of the true intensity.
 //!
-//! Parameters have the keys of [`EffectId::parameters`](evrig_core::effect_id::EffectId::parameters);
-//! further parameters have defaults.
+//! Parameters have the keys of
+//! [`EffectId::parameters`](evrig_core::effect_id::EffectId::parameters); further parameters have
+//! defaults.
 
 mod error;
 #[macro_use]

@@ -20,8 +20,8 @@ pub trait Generator: Send {
     /// holds brightness that is not finite or negative.
     fn push(&mut self, frame: &Luminance, out: &mut Events) -> Result<(), GenerateError>;
 
-    /// Restarts pixels (row-major numbers) with the last frame as their first: for a signal that was
-    /// not known before.
+    /// Restarts pixels (row-major numbers) with the last frame as their first: for a signal that
+    /// was not known before.
     fn restart(&mut self, pixels: &[u32]);
 }
 

@@ -26,8 +26,8 @@ impl Interpolator {
         Ok(Self { step_us: i64::from(step_us), before: None })
     }
 
-    /// Passes the frames after the previous one up to this one to `take`, this one unchanged. Frames
-    /// that a generator would refuse are passed alone, so that it reports them.
+    /// Passes the frames after the previous one up to this one to `take`, this one unchanged.
+    /// Frames that a generator would refuse are passed alone, so that it reports them.
     ///
     /// # Errors
     /// Errors of `take`.

@@ -70,8 +70,8 @@ impl LiveGenerator {
         }
     }
 
-    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` gives the
-    /// time on the frames' clock; it is called before and after.
+    /// Takes in a frame and appends the events since the last taken one to `out`. `now_us` gives
+    /// the time on the frames' clock; it is called before and after.
     pub fn push(
         &mut self,
         frame: Luminance,

@@ -5,9 +5,9 @@ use evrig_core::stats::MeanDirection;
 
 /// Vector strength of the phases of events in their frame intervals.
 ///
-/// The strength is the length of the mean of exp(2 pi i phase), the phase running from 0 at one frame
-/// to 1 at the next (Goldberg and Brown, J. Neurophysiol. 32, 1969): 0 for a uniform phase, 1 when
-/// all events have one phase. By chance alone, n independent events have about 0.9 / sqrt(n).
+/// The strength is the length of the mean of exp(2 pi i phase), the phase running from 0 at one
+/// frame to 1 at the next (Goldberg and Brown, J. Neurophysiol. 32, 1969): 0 for a uniform phase, 1
+/// when all events have one phase. By chance alone, n independent events have about 0.9 / sqrt(n).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PhaseLocking(MeanDirection);
 

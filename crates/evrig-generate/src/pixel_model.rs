@@ -54,8 +54,8 @@ pub struct BandNoise {
     pub light_exponent: f64,
 }
 
-/// Thresholds redrawn at every event, and at random instants between events: noise of the comparison
-/// that is not stored in the reference level.
+/// Thresholds redrawn at every event, and at random instants between events: noise of the
+/// comparison that is not stored in the reference level.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThresholdScatter {

@@ -37,8 +37,8 @@ pub struct RowShift {
 }
 
 impl RowShift {
-    /// Takes in the events of the interval that ends at `end_us`, and appends to `out` those that no
-    /// later interval can precede.
+    /// Takes in the events of the interval that ends at `end_us`, and appends to `out` those that
+    /// no later interval can precede.
     pub fn push(
         &mut self,
         rows: RowTimes,
@@ -103,7 +103,8 @@ mod tests {
         assert_eq!(out.as_slice().first_disorder(), None);
         for y in [0, 20, 50, 99] {
             let first = out.as_slice().iter().find(|event| event.y == y).unwrap();
-            // A row's own first light lies off zero, and its tenth of a unit takes 20 ms from there.
+            // A row's own first light lies off zero, and its tenth of a unit takes 20 ms from
+            // there.
             let expected = rows.after_us(f64::from(y)) + 20_000.0;
             assert!((first.t as f64 - expected).abs() < 3.0, "row {y}: {} {expected}", first.t);
         }

@@ -1,11 +1,11 @@
 //! The agent that serves a Raspberry Pi's camera, and its wire protocol.
 //!
 //! # The wire
-//! One TCP connection. Both sides first send twelve bytes: `EVRIGPI` and a zero, then the protocol's
-//! version as a little-endian `u32`; this never changes, so that any two versions recognise each
-//! other. Then messages: a `u32` of bytes that follow, a `u32` length of the head, the head as JSON,
-//! and the images. The host requests (configure, start, clock, stop), the agent answers, and between
-//! start and stop it sends frames.
+//! One TCP connection. Both sides first send twelve bytes: `EVRIGPI` and a zero, then the
+//! protocol's version as a little-endian `u32`; this never changes, so that any two versions
+//! recognise each other. Then messages: a `u32` of bytes that follow, a `u32` length of the head,
+//! the head as JSON, and the images. The host requests (configure, start, clock, stop), the agent
+//! answers, and between start and stop it sends frames.
 //!
 //! Beyond one machine the connection is TLS 1.3 and each side proves that it has its half of a pair
 //! of keys (`evrig pair`); without keys the agent listens on the loopback interface only.

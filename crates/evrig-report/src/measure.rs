@@ -106,11 +106,11 @@ impl MeasureRow {
         if from.is_finite() && to.is_finite() { [from, to] } else { [self.estimate.value; 2] }
     }
 
-    /// Distance of a value from "identical", in healthy tolerances: ±1 is an end of the healthy range.
-    /// NaN without a range.
+    /// Distance of a value from "identical", in healthy tolerances: ±1 is an end of the healthy
+    /// range. NaN without a range.
     ///
-    /// For a ratio (range around 1) identical is 1 and the scale logarithmic; for a distance (range from
-    /// 0) identical is 0; otherwise it is the middle of the range.
+    /// For a ratio (range around 1) identical is 1 and the scale logarithmic; for a distance (range
+    /// from 0) identical is 0; otherwise it is the middle of the range.
     #[must_use]
     pub fn departure(&self, value: f64) -> f64 {
         match self.healthy {

@@ -1,7 +1,7 @@
 //! Plots: pure functions from plain values to SVG.
 //!
-//! Marks have CSS classes; colours come from the style sheet of the page (light, dark, print) or of a
-//! sheet. Images (frames, heat maps) are PNG inside the SVG. All text is escaped.
+//! Marks have CSS classes; colours come from the style sheet of the page (light, dark, print) or of
+//! a sheet. Images (frames, heat maps) are PNG inside the SVG. All text is escaped.
 
 pub mod chart;
 pub mod cloud;

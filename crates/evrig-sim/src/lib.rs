@@ -1,7 +1,7 @@
 //! The simulated rig: simulated devices on real serial lines and sockets.
 //!
-//! It is the ground truth of tests and trials, so it shares no model with the code that is validated
-//! on it: neither with the generators nor with the path checker.
+//! It is the ground truth of tests and trials, so it shares no model with the code that is
+//! validated on it: neither with the generators nor with the path checker.
 
 pub mod arm;
 pub mod davis;

@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 /// Model name of the simulated camera.
 pub const MODEL: &str = "simulated imx708";
 
-/// A request of `size` as the agent hands it over: raw samples packed, colours in the order R, G, B.
+/// A request of `size` as the agent hands it over: raw samples packed, colours in the order R, G,
+/// B.
 ///
 /// # Errors
 /// When the rows cannot be packed: RAW10 has rows of a multiple of four samples.

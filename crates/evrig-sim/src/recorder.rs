@@ -113,7 +113,8 @@ impl Recorder for SimulatedCamera {
     }
 
     fn set(&mut self, settings: &StepSettings) -> Vec<String> {
-        // Light and exposure are of the world: the first camera that receives them sets them for all.
+        // Light and exposure are of the world: the first camera that receives them sets them for
+        // all.
         if self.counts_packets {
             self.live.set(settings);
         }

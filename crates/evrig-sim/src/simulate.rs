@@ -1,7 +1,8 @@
 //! A session of the simulated rig in virtual time: as fast as the world can be rendered.
 //!
 //! The devices' twins are called directly, without wires and without a wall clock; the engine's
-//! writers write their output in the order in which the host would have received it. The same world and seed give the same recorded bytes, however many threads there are.
+//! writers write their output in the order in which the host would have received it. The same world
+//! and seed give the same recorded bytes, however many threads there are.
 
 use crate::davis;
 use crate::pi::{MODEL, delivered};

@@ -107,7 +107,8 @@ impl Gather<'_> {
     }
 }
 
-/// The frames of the Pi's camera as the event pixels would have seen them, along the tracks of both.
+/// The frames of the Pi's camera as the event pixels would have seen them, along the tracks of
+/// both.
 fn carried(
     session: &Session,
     from: &str,

@@ -72,8 +72,9 @@ pub(super) fn run(
 
 /// The events of frames with the request's effects.
 ///
-/// The voltmeter runs on the frames' log-intensity signal. Another model takes frames that the effects
-/// before its photoreceptor have changed, and its events pass the readout; effects inside it are refused.
+/// The voltmeter runs on the frames' log-intensity signal. Another model takes frames that the
+/// effects before its photoreceptor have changed, and its events pass the readout; effects inside
+/// it are refused.
 pub(in crate::pipeline) fn with_effects(
     session: &Session,
     request: &GenerateRequest,

@@ -3,8 +3,8 @@
 //!
 //! A sample is an event with the interval since the event before it at its pixel and with the
 //! frames around its time: (t, x, y, p, mean L, delta L). Bins divide the ranges of mean and
-//! change evenly, between the 1 % and the 99 % quantile of each, and are represented by their middle.
-//! Intervals of 0 µs and of 1 s or more are left out, as in the published program.
+//! change evenly, between the 1 % and the 99 % quantile of each, and are represented by their
+//! middle. Intervals of 0 µs and of 1 s or more are left out, as in the published program.
 
 use super::BrightnessSeries;
 use super::passage::Passage;

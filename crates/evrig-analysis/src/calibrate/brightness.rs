@@ -25,8 +25,8 @@ pub enum TileSubset {
 
 /// Brightness of the usable pixels, pixel by pixel, DN of the frames.
 ///
-/// A pixel is usable when it is neither dark nor saturated in any frame. The criterion does not depend
-/// on events.
+/// A pixel is usable when it is neither dark nor saturated in any frame. The criterion does not
+/// depend on events.
 #[derive(Debug, Clone)]
 pub struct BrightnessSeries {
     size: Size,
@@ -46,8 +46,8 @@ pub struct BrightnessSeriesBuilder {
 }
 
 impl BrightnessSeriesBuilder {
-    /// For about `n_frames` frames of `size`. Tiles are drawn with `seed` where all would exceed the
-    /// memory bound.
+    /// For about `n_frames` frames of `size`. Tiles are drawn with `seed` where all would exceed
+    /// the memory bound.
     #[must_use]
     pub fn new(size: Size, n_frames: u64, seed: u64) -> Self {
         let columns = u32::from(size.width.div_ceil(TILE));

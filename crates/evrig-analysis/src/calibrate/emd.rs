@@ -161,7 +161,8 @@ fn blurs() -> impl Iterator<Item = f64> {
     falling.take_while(|&blur| blur > BLUR).chain(std::iter::repeat_n(BLUR, N_FINAL))
 }
 
-/// -e log of the sum over all cells b of share(b) exp((potential(b) - cost(a, b)) / e), for every a.
+/// -e log of the sum over all cells b of share(b) exp((potential(b) - cost(a, b)) / e), for every
+/// a.
 fn soft_minimum(shares: &[f64], potential: &[f64], blur: f64) -> Vec<f64> {
     let entropy = blur * blur;
     let kernel: Vec<f64> = (0..SIDE)

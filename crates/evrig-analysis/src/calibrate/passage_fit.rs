@@ -140,7 +140,8 @@ fn side(passage: &Passage) -> f64 {
     if passage.on { 1.0 } else { -1.0 }
 }
 
-/// Barrier minus drift. Stamps are rounded up, so both ends lie half a microsecond earlier on average.
+/// Barrier minus drift. Stamps are rounded up, so both ends lie half a microsecond earlier on
+/// average.
 fn residual(
     brightness: &BrightnessSeries,
     passage: &Passage,

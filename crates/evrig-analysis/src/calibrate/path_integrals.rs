@@ -107,7 +107,8 @@ impl PixelBrightness<'_> {
     ///
     /// The expected end is where the drift reaches a barrier or the variance reaches 1, the mean
     /// duration without drift. The end is certain once the drift is 5 standard deviations beyond a
-    /// barrier, or the variance is 8: without drift, a share of 4/pi exp(-pi^2) = 7e-5 lasts longer.
+    /// barrier, or the variance is 8: without drift, a share of 4/pi exp(-pi^2) = 7e-5 lasts
+    /// longer.
     pub(super) fn predict(&self, start_us: i64, k: &[f64; 6]) -> Option<PathIntegrals> {
         let mut sum = PathIntegrals::default();
         let mut expected = None;

@@ -9,11 +9,12 @@
 //! Weights are numbers of samples, as in the paper. Errors: bootstrap over tiles of pixels.
 //!
 //! # Biases
-//! - An interval over several frames is assigned to the brightness of its last one, while 1/interval
-//!   averages the drift over all: drifts of slow pixels are blurred towards neighbouring bins.
-//! - Brightness and its rate of change vary within a bin. Fast pixels give more samples, so the mean
-//!   interval belongs to a faster change than the bin's middle, and the spread of intervals between
-//!   pixels counts as diffusion: k3 and k6 are far too large.
+//! - An interval over several frames is assigned to the brightness of its last one, while
+//!   1/interval averages the drift over all: drifts of slow pixels are blurred towards neighbouring
+//!   bins.
+//! - Brightness and its rate of change vary within a bin. Fast pixels give more samples, so the
+//!   mean interval belongs to a faster change than the bin's middle, and the spread of intervals
+//!   between pixels counts as diffusion: k3 and k6 are far too large.
 //! - Bins around zero change hold intervals of both signs, of which the majority's is taken.
 //! - Intervals that do not end within the recording or within a second are missing: slow drifts
 //!   appear fast, which raises k4 and k5.

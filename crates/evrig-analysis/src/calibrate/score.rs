@@ -5,8 +5,8 @@
 //! scatter, noise speed and background rates are nuisance parameters.
 //!
 //! # Limitations
-//! Independent of k3 and k6 (diffusion): the predictor's noise does not grow with the time since the
-//! last event. They keep the values of the passage fit.
+//! Independent of k3 and k6 (diffusion): the predictor's noise does not grow with the time since
+//! the last event. They keep the values of the passage fit.
 
 use super::BrightnessSeries;
 use super::brightness::TileSubset;

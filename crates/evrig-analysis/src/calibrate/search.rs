@@ -23,7 +23,8 @@ pub trait Objective: Sync {
         None
     }
 
-    /// The value at `k` and `nuisances` on a subset of the tiles; less is better, infinite for none.
+    /// The value at `k` and `nuisances` on a subset of the tiles; less is better, infinite for
+    /// none.
     fn value(&self, k: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64;
 }
 
@@ -53,7 +54,8 @@ const WHOLE_SHARE: usize = 4;
 const WHOLE_STEP: f64 = 0.06;
 
 /// Searches from `start` with about `n_evaluations` evaluations; the result is not worse than the
-/// start. A thinned objective takes that many evaluations, followed by a quarter as many on all data.
+/// start. A thinned objective takes that many evaluations, followed by a quarter as many on all
+/// data.
 #[must_use]
 pub fn search(
     objective: &dyn Objective,

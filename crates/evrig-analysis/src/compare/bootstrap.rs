@@ -1,11 +1,10 @@
 //! Cluster bootstrap.
 //!
-//! A replicate draws as many clusters as there are, with replacement. The statistic is computed from
-//! the clusters' sums, each weighted by the number of its draws
-//! (Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8).
-//! Replicates are scaled by sqrt(G / (G - 1)) about the value to correct the bias of the variance for
-//! G clusters. Each replicate has its own random sequence from seed and number: results do not depend
-//! on the number of threads.
+//! A replicate draws as many clusters as there are, with replacement. The statistic is computed
+//! from the clusters' sums, each weighted by the number of its draws (Davison and Hinkley,
+//! Bootstrap Methods and their Application, 1997, section 3.8). Replicates are scaled by sqrt(G /
+//! (G - 1)) about the value to correct the bias of the variance for G clusters. Each replicate has
+//! its own random sequence from seed and number: results do not depend on the number of threads.
 
 use evrig_core::stats::{Estimate, SplitMix, dot};
 use rayon::prelude::*;
@@ -22,8 +21,8 @@ impl Bootstrap {
         Self { seed, n_replicates }
     }
 
-    /// The estimate of `statistic`, a function of the clusters' weights (all 1 for the value). `n` is the
-    /// sample size.
+    /// The estimate of `statistic`, a function of the clusters' weights (all 1 for the value). `n`
+    /// is the sample size.
     pub(super) fn estimate(
         &self,
         n_clusters: usize,

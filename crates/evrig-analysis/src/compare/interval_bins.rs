@@ -1,7 +1,7 @@
 //! Logarithmic bins of inter-event intervals, the same for every stream and measure.
 //!
-//! Fine bins: 100 per decade, from 1 µs to 1000 s. Coarse bins: 10 per decade, each of ten fine ones.
-//! Intervals of 0 µs go into the first bin, those above 1000 s into the last one.
+//! Fine bins: 100 per decade, from 1 µs to 1000 s. Coarse bins: 10 per decade, each of ten fine
+//! ones. Intervals of 0 µs go into the first bin, those above 1000 s into the last one.
 
 use std::sync::LazyLock;
 

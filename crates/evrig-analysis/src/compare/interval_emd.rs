@@ -12,8 +12,8 @@
 //! Error: tiles, with the optimal potentials held fixed (the divergence's derivative);
 //! `chance_level` as for interval_tv. The last change of the iteration is the numerical error.
 //!
-//! Independent of order and location of the intervals. Intervals of 0 µs count as 1 µs; those longer
-//! than the window are missing from both streams.
+//! Independent of order and location of the intervals. Intervals of 0 µs count as 1 µs; those
+//! longer than the window are missing from both streams.
 
 use super::ProfilePair;
 use super::interval_bins::{N_FINE, log_middle};

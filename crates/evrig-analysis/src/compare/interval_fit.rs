@@ -1,15 +1,15 @@
-//! Densities of the per-pixel intervals of both streams on common logarithmic bins, with first-passage
-//! distributions fitted to each.
+//! Densities of the per-pixel intervals of both streams on common logarithmic bins, with
+//! first-passage distributions fitted to each.
 //!
 //! A voltage that drifts from 0 at rate mu and diffuses with sigma first reaches the threshold 1
-//! after a time of the **inverse Gaussian** distribution with mean 1/|mu| and shape 1/sigma^2; without
-//! drift, of the **Lévy** distribution with scale 1/sigma^2 (Raw2Event, section on cross-sensor
-//! calibration). Maximum likelihood has closed forms (Tweedie 1957): mean = sample mean,
-//! 1/shape = mean of 1/t - 1/mean; scale = 1 / mean of 1/t.
+//! after a time of the **inverse Gaussian** distribution with mean 1/|mu| and shape 1/sigma^2;
+//! without drift, of the **Lévy** distribution with scale 1/sigma^2 (Raw2Event, section on
+//! cross-sensor calibration). Maximum likelihood has closed forms (Tweedie 1957): mean = sample
+//! mean, 1/shape = mean of 1/t - 1/mean; scale = 1 / mean of 1/t.
 //!
-//! Errors: tiles. The fits pool all pixels. Pixels differ in drift, so a pooled sample is a mixture:
-//! the likelihoods compare the two distributions and do not test either. Intervals of 0 µs have no
-//! likelihood; they are left out and counted.
+//! Errors: tiles. The fits pool all pixels. Pixels differ in drift, so a pooled sample is a
+//! mixture: the likelihoods compare the two distributions and do not test either. Intervals of 0 µs
+//! have no likelihood; they are left out and counted.
 
 use super::ProfilePair;
 use super::interval_bins::{FINE_PER_COARSE, FINE_PER_DECADE, N_COARSE, edge};
@@ -55,8 +55,8 @@ pub struct IntervalFit {
     pub shape_us: Estimate,
     /// Scale of the Lévy distribution, µs.
     pub levy_scale_us: Estimate,
-    /// Log-likelihood gain per interval of the inverse Gaussian over its limit, the Lévy distribution;
-    /// not negative.
+    /// Log-likelihood gain per interval of the inverse Gaussian over its limit, the Lévy
+    /// distribution; not negative.
     pub inverse_gaussian_over_levy_nats: Estimate,
     /// Inverse Gaussian probability per decade, averaged over each bin.
     pub inverse_gaussian_per_decade: Vec<f64>,
@@ -84,8 +84,8 @@ pub(super) fn curve(pair: &ProfilePair<'_>) -> IntervalCurve {
     }
 }
 
-/// The area between the distribution functions, with the signs of their difference held fixed for the
-/// error.
+/// The area between the distribution functions, with the signs of their difference held fixed for
+/// the error.
 fn distance(pair: &ProfilePair<'_>) -> Estimate {
     let distribution = |profile: &StreamProfile| -> Vec<f64> {
         let histogram = profile.total_histogram();
@@ -227,8 +227,8 @@ fn normal_distribution(z: f64) -> f64 {
     0.5 * statrs::function::erf::erfc(-z / std::f64::consts::SQRT_2)
 }
 
-/// ln of the normal distribution function; asymptotic series (Abramowitz and Stegun 26.2.12) far below
-/// zero.
+/// ln of the normal distribution function; asymptotic series (Abramowitz and Stegun 26.2.12) far
+/// below zero.
 fn log_normal_distribution(z: f64) -> f64 {
     if z > -25.0 {
         return normal_distribution(z).ln();

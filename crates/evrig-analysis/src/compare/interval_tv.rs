@@ -5,9 +5,9 @@
 //! window. 0: equal histograms, 1: disjoint ones. Source: the measures the authors
 //! of Raw2Event report; healthy is at most 0.25; the bins are evrig's choice.
 //!
-//! Error: tiles, with the signs of the differences held fixed, which avoids the bias of resampling a
-//! distance. The bias of the data themselves is in `chance_level`: the same measure with the streams
-//! of each tile swapped with probability 1/2.
+//! Error: tiles, with the signs of the differences held fixed, which avoids the bias of resampling
+//! a distance. The bias of the data themselves is in `chance_level`: the same measure with the
+//! streams of each tile swapped with probability 1/2.
 //!
 //! Independent of the distance between bins (see interval_emd) and of the order of intervals.
 //! Intervals longer than the window are missing from both streams.

@@ -47,8 +47,8 @@ pub struct Measure {
     pub unknown_because: Option<Cow<'static, str>>,
     /// What the error was resampled over.
     pub clusters: Cluster,
-    /// Bound on the numerical error, in the value's unit; absent where it is 0. Not contained in the
-    /// standard error.
+    /// Bound on the numerical error, in the value's unit; absent where it is 0. Not contained in
+    /// the standard error.
     pub numerical_error: Option<f64>,
     /// Mean value for two streams of one distribution with these numbers of events: a distance is
     /// positive by chance alone.

@@ -1,8 +1,8 @@
 //! **polarity_delta** = |p_sim - p_real|, p the share of ON events.
 //!
 //! Sensitive to the ratio of ON and OFF thresholds. Source: the measures the authors of Raw2Event
-//! report; healthy is at most 0.10. Error: time blocks; the signed difference is resampled, and where
-//! its interval contains zero, that of the absolute value starts at zero.
+//! report; healthy is at most 0.10. Error: time blocks; the signed difference is resampled, and
+//! where its interval contains zero, that of the absolute value starts at zero.
 //!
 //! Insensitive to polarity errors that cancel between pixels.
 

@@ -87,8 +87,8 @@ fn tiles(size: Size, region: Option<&[bool]>, side: usize) -> (Vec<u32>, Vec<f64
 /// Fixed-point unit of summed inverses.
 const INVERSE_UNIT: u64 = 1 << 62;
 
-/// Sufficient statistics of a tile's intervals. Intervals of 0 µs (two events with one stamp) have no
-/// likelihood and are counted separately. Sums are integers, hence independent of the order.
+/// Sufficient statistics of a tile's intervals. Intervals of 0 µs (two events with one stamp) have
+/// no likelihood and are counted separately. Sums are integers, hence independent of the order.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct IntervalSums {
     pub(super) n: u64,

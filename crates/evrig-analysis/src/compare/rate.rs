@@ -2,7 +2,8 @@
 //!
 //! 240 equal bins of the window. The band is that of a Poisson count, widened by the index of
 //! dispersion D = sum (n1 - n2)^2 / sum (n1 + n2) of the two halves of each bin, which is 1 for
-//! independent events. A trend across a bin raises D, so the band is conservative. Band: Poisson limits of n/D events (Garwood, Biometrika 28, 1936), times D.
+//! independent events. A trend across a bin raises D, so the band is conservative. Band: Poisson
+//! limits of n/D events (Garwood, Biometrika 28, 1936), times D.
 
 use super::ProfilePair;
 use super::profile::N_HALF_BINS;
@@ -87,7 +88,8 @@ fn gamma_quantile(shape: f64, p: f64) -> f64 {
 fn poisson_limits(n: f64) -> [f64; 2] {
     let quantile = |shape: f64, p: f64| {
         if shape > 100.0 {
-            // Wilson and Hilferty: the cube root of a gamma variable is nearly normal; to 1e-4 here.
+            // Wilson and Hilferty: the cube root of a gamma variable is nearly normal; to 1e-4
+            // here.
             let spread = 1.0 / (9.0 * shape);
             let z = 1.644_853_626_951_472_7 * (2.0 * f64::from(u8::from(p > 0.5)) - 1.0);
             return shape * (1.0 - spread + z * spread.sqrt()).powi(3);

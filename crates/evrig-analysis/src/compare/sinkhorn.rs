@@ -2,9 +2,10 @@
 //!
 //! OT_e(a, b) = min over plans P of <P, C> + e KL(P | a x b). The potentials follow from
 //! alternating soft minima, f(x) = -e log sum_y b(y) exp((g(y) - |x - y|) / e). On a line the
-//! kernel exp(-|x - y| / e) factorises over steps, so that a soft minimum over all y takes one sweep
-//! from each side: linear instead of quadratic time, without cut-off. The blur is annealed from the
-//! width of the line to e, then held until the potentials converge. Definition and derivative: Feydy et al., AISTATS 2019.
+//! kernel exp(-|x - y| / e) factorises over steps, so that a soft minimum over all y takes one
+//! sweep from each side: linear instead of quadratic time, without cut-off. The blur is annealed
+//! from the width of the line to e, then held until the potentials converge. Definition and
+//! derivative: Feydy et al., AISTATS 2019.
 
 /// The divergence of two histograms.
 #[derive(Debug, Clone)]
@@ -149,8 +150,8 @@ fn log_add(a: f64, b: f64) -> f64 {
     if small == f64::NEG_INFINITY { large } else { large + (small - large).exp().ln_1p() }
 }
 
-/// Largest change where the histogram has mass, apart from a common shift: potentials are determined
-/// up to a constant.
+/// Largest change where the histogram has mass, apart from a common shift: potentials are
+/// determined up to a constant.
 fn largest_change(old: &[f64], new: &[f64], log_shares: &[f64]) -> f64 {
     let changes = old.iter().zip(new).zip(log_shares).filter(|(_, s)| s.is_finite());
     let (low, high) = changes

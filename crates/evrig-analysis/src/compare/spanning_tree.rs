@@ -32,7 +32,8 @@ pub(super) struct SpanningTree {
     stack: Vec<Node>,
 }
 
-/// Matches two lists of open masses, each of one sign; the rest stays in the first. Returns the cost.
+/// Matches two lists of open masses, each of one sign; the rest stays in the first. Returns the
+/// cost.
 fn ship(
     open: &mut Vec<(Node, i64)>,
     mut more: Vec<(Node, i64)>,
@@ -133,8 +134,8 @@ impl SpanningTree {
         }
     }
 
-    /// The cost with every shipment in a straight line from source to sink; the flow is decomposed into
-    /// shipments from the leaves up.
+    /// The cost with every shipment in a straight line from source to sink; the flow is decomposed
+    /// into shipments from the leaves up.
     pub(super) fn cost_of_straight_lines(
         &self,
         supply: &[i64],
@@ -172,8 +173,8 @@ impl SpanningTree {
         edges.map(|link| link.flow as f64 * link.cost as f64).sum()
     }
 
-    /// Adds the arc `from -> to` to the tree, sends the largest feasible flow around the cycle it closes,
-    /// and removes the blocking edge.
+    /// Adds the arc `from -> to` to the tree, sends the largest feasible flow around the cycle it
+    /// closes, and removes the blocking edge.
     pub(super) fn pivot(&mut self, from: Node, to: Node, cost: i64, reduced_cost: i64) {
         let (amount, leaving, leaves_on_from_side) = self.blocking_edge(from, to);
         self.send_around(from, to, amount);
@@ -183,8 +184,9 @@ impl SpanningTree {
         self.shift_below(inner, shift);
     }
 
-    /// The smallest flow against the cycle's direction, and the node below that edge. Of equals it is
-    /// the last from the cycle's apex in the arc's direction, which keeps the tree strongly feasible.
+    /// The smallest flow against the cycle's direction, and the node below that edge. Of equals it
+    /// is the last from the cycle's apex in the arc's direction, which keeps the tree strongly
+    /// feasible.
     fn blocking_edge(&self, from: Node, to: Node) -> (i64, Node, bool) {
         let mut least = i64::MAX;
         let mut least_from = (i64::MAX, NONE);
@@ -224,8 +226,8 @@ impl SpanningTree {
         }
     }
 
-    /// Removes the edge above `leaving` and attaches the part below it to `outer` by `inner`, reversing
-    /// the path between `inner` and `leaving`.
+    /// Removes the edge above `leaving` and attaches the part below it to `outer` by `inner`,
+    /// reversing the path between `inner` and `leaving`.
     fn reattach(
         &mut self,
         inner: Node,

@@ -1,14 +1,15 @@
 //! **spatial_emd**: earth mover's distance between the two normalised per-pixel count maps, in
-//! pixels: W1 with the Euclidean distance. A map shifted by d pixels has distance d. Source: Rubner, Tomasi and Guibas, IJCV 40, 2000; the authors of
-//! Raw2Event tune on an earth mover's distance of the event cloud.
+//! pixels: W1 with the Euclidean distance. A map shifted by d pixels has distance d. Source:
+//! Rubner, Tomasi and Guibas, IJCV 40, 2000; the authors of Raw2Event tune on an earth mover's
+//! distance of the event cloud.
 //!
 //! Method: minimum-cost flow on the pixel grid ([`super::transport`]). Up to 1024 pixels it is
-//! exact. Larger grids have arcs in 32 directions, which overestimate a distance by at most 1.3 %; the
-//! value is the straight-line cost of the flow so found. Grids above 12,000 pixels are summed into
-//! square cells first (3 x 3 on a DAVIS346). `numerical_error` is the sum of both bounds. The bound
-//! for the cells is the mass that differs within cells times its distance from the cell's middle; the
-//! error itself is far smaller: 0.01 px of 96 px between the halves of a DAVIS346 street recording,
-//! 0.08 px of 1.35 px between two maps of noise at one event per pixel.
+//! exact. Larger grids have arcs in 32 directions, which overestimate a distance by at most 1.3 %;
+//! the value is the straight-line cost of the flow so found. Grids above 12,000 pixels are summed
+//! into square cells first (3 x 3 on a DAVIS346). `numerical_error` is the sum of both bounds. The
+//! bound for the cells is the mass that differs within cells times its distance from the cell's
+//! middle; the error itself is far smaller: 0.01 px of 96 px between the halves of a DAVIS346
+//! street recording, 0.08 px of 1.35 px between two maps of noise at one event per pixel.
 //!
 //! Error: time blocks, with the optimal potential held fixed (the distance's
 //! derivative). `chance_level`: the streams of each time block swapped with probability 1/2.

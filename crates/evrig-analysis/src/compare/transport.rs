@@ -1,10 +1,10 @@
 //! Earth mover's distance between two mass maps on one grid, by minimum-cost flow.
 //!
-//! Arcs lead from every node to all nodes whose offset is a primitive vector (coprime components) with
-//! components up to `reach`. A straight line between two nodes becomes a path of two kinds of arcs
-//! that is longer by at most [`reach_excess`]; with a reach of the grid's longer side the result is
-//! exact. The formulation is that of
-//! Bassetti, Gualandi and Veneroni (SIAM J. Optim. 30, 2020).
+//! Arcs lead from every node to all nodes whose offset is a primitive vector (coprime components)
+//! with components up to `reach`. A straight line between two nodes becomes a path of two kinds of
+//! arcs that is longer by at most [`reach_excess`]; with a reach of the grid's longer side the
+//! result is exact. The formulation is that of Bassetti, Gualandi and Veneroni (SIAM J. Optim. 30,
+//! 2020).
 //!
 //! The integer flow is solved exactly by the network simplex method with strongly
 //! feasible trees (Cunningham, Math. Program. 11, 1976). Since arcs have no
@@ -23,8 +23,8 @@ const COST_UNIT: f64 = (1_u64 << 24) as f64;
 pub(crate) struct TransportPlan {
     /// Mass times distance along the arcs, in mass units times cells.
     pub(crate) cost: f64,
-    /// The same shipments in straight lines. The true distance is between `cost / (1 + reach_excess)` and
-    /// this.
+    /// The same shipments in straight lines. The true distance is between `cost / (1 +
+    /// reach_excess)` and this.
     pub(crate) straight_cost: f64,
     /// Dual potential of each node, in cells; `sum(potential * difference)` is the cost.
     pub(crate) potential: Vec<f64>,
@@ -64,8 +64,8 @@ pub(crate) fn reach_excess(reach: usize) -> f64 {
     worst.fold(0.0, f64::max)
 }
 
-/// The optimal transport that balances `difference` (supply where positive, demand where negative; sums
-/// to zero) with arcs up to `reach`.
+/// The optimal transport that balances `difference` (supply where positive, demand where negative;
+/// sums to zero) with arcs up to `reach`.
 #[must_use]
 pub(crate) fn transport(difference: &[i64], grid: NodeGrid, reach: usize) -> TransportPlan {
     debug_assert_eq!(difference.iter().sum::<i64>(), 0, "mass in equals mass out");
@@ -156,7 +156,8 @@ fn arcs(grid: NodeGrid, reach: usize) -> Vec<GridArc> {
     arcs
 }
 
-/// Pivots until no arc lowers the cost. Block pricing: the best arc of a block of nodes enters the tree.
+/// Pivots until no arc lowers the cost. Block pricing: the best arc of a block of nodes enters the
+/// tree.
 fn improve(tree: &mut SpanningTree, arcs: &[GridArc], grid: NodeGrid) {
     let n = grid.n_nodes();
     let n_priced_at_once = ((n * arcs.len()) as f64).sqrt() as usize / arcs.len().max(1) + 1;

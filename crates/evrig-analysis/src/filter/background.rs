@@ -1,6 +1,7 @@
 //! Drops background activity: an event is kept if one of its eight neighbours had an event at most
 //! a given time before it. Its own pixel does not count: a hot pixel would support itself. Dropped
-//! events do support later ones, so only the first event of an edge is lost (Delbruck, Frame-free dynamic digital vision, 2008).
+//! events do support later ones, so only the first event of an edge is lost (Delbruck, Frame-free
+//! dynamic digital vision, 2008).
 
 use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::EventSlice;

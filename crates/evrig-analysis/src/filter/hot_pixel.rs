@@ -1,8 +1,8 @@
 //! Drops all events of hot pixels.
 //!
-//! A pixel is hot when its count over the whole stream is above `factor` times the q-quantile of the
-//! counts of all active pixels and above `min_count`. A high quantile (0.99) instead of the median,
-//! as textured scenes have busy pixels; the few hot ones do not affect it.
+//! A pixel is hot when its count over the whole stream is above `factor` times the q-quantile of
+//! the counts of all active pixels and above `min_count`. A high quantile (0.99) instead of the
+//! median, as textured scenes have busy pixels; the few hot ones do not affect it.
 //!
 //! The list of hot pixels is returned, so that they can be dropped from the other stream as well.
 

@@ -1,5 +1,5 @@
-//! Thins a stream to a maximum number of events per time step, counted from the first event. In a step
-//! with more, every n/limit-th event is kept.
+//! Thins a stream to a maximum number of events per time step, counted from the first event. In a
+//! step with more, every n/limit-th event is kept.
 
 use super::{DropReason, FilterError, Filtered, keep};
 use evrig_core::event::EventSlice;

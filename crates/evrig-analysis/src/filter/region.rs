@@ -1,9 +1,9 @@
-//! Keeps the events of a moving region: a plane square, mapped by a homography at each event's time.
-//! Optionally transforms the events to a crop in the square's coordinates.
+//! Keeps the events of a moving region: a plane square, mapped by a homography at each event's
+//! time. Optionally transforms the events to a crop in the square's coordinates.
 //!
-//! A [`RegionPath`] holds the homography at regular time steps with linear interpolation in between. At
-//! steps of 1 ms the error is below 1e-4 px for an arm (acceleration times step squared over eight).
-//! A pixel is represented by its middle.
+//! A [`RegionPath`] holds the homography at regular time steps with linear interpolation in
+//! between. At steps of 1 ms the error is below 1e-4 px for an arm (acceleration times step squared
+//! over eight). A pixel is represented by its middle.
 
 use super::{CHUNK, DropReason, DropTally, FilterError, Filtered, check};
 use evrig_core::event::{EventSlice, Events};
@@ -35,8 +35,8 @@ pub struct RegionPath {
     size: Size,
     from_us: i64,
     step_us: i64,
-    /// Homography at each step, from pixels relative to the middle of the frame to the square with edges
-    /// at -1/2 and 1/2; none where the square's position is unknown.
+    /// Homography at each step, from pixels relative to the middle of the frame to the square with
+    /// edges at -1/2 and 1/2; none where the square's position is unknown.
     knots: Vec<Option<[f32; 9]>>,
     /// Undistorted pixels; none for a lens without distortion.
     undistorted: Option<UndistortedPixels>,
@@ -52,9 +52,9 @@ struct UndistortedPixels {
 impl RegionPath {
     /// A path from time `from_us` on with a step of `step_us`, for a grid of `size`.
     ///
-    /// `square_from_pixel(t_us)` maps undistorted pixels (pixel `i` covers `i..i + 1`) to the square
-    /// 0..1 x 0..1, left to right and top to bottom; none when unknown. `ideal` undistorts a sensor
-    /// pixel; none where the lens model has no solution.
+    /// `square_from_pixel(t_us)` maps undistorted pixels (pixel `i` covers `i..i + 1`) to the
+    /// square 0..1 x 0..1, left to right and top to bottom; none when unknown. `ideal` undistorts a
+    /// sensor pixel; none where the lens model has no solution.
     ///
     /// # Errors
     /// A step that is not positive; an interval that ends before it begins or has more than ten
@@ -100,8 +100,8 @@ impl RegionPath {
         Ok(Self { size, from_us, step_us, knots, undistorted })
     }
 
-    /// The homography at the begin of the step of `t_us`, its change over the step, and the end of the
-    /// step; no homography where the position is unknown.
+    /// The homography at the begin of the step of `t_us`, its change over the step, and the end of
+    /// the step; no homography where the position is unknown.
     fn step(&self, t_us: i64) -> (Option<[[f32; 9]; 2]>, i64) {
         let number = t_us.saturating_sub(self.from_us).div_euclid(self.step_us);
         let end = number.saturating_add(1).saturating_mul(self.step_us);
@@ -116,8 +116,8 @@ impl RegionPath {
 /// More than ten thousand seconds at 1 ms.
 const MAX_STEPS: i64 = 10_000_000;
 
-/// The homography for pixels about `middle` and a square about 0, normalised to 1 in the last entry;
-/// none where the horizon runs through the middle.
+/// The homography for pixels about `middle` and a square about 0, normalised to 1 in the last
+/// entry; none where the horizon runs through the middle.
 fn numbers(square_from_pixel: Homography, middle: [f64; 2]) -> Option<[f32; 9]> {
     let m: [[f64; 3]; 3] = square_from_pixel.into();
     let shifted = m.map(|[a, b, c]| [a, b, a * middle[0] + b * middle[1] + c]);
@@ -231,8 +231,8 @@ fn locate_chunk(
     n_pathless
 }
 
-/// Collects the indices of events between `begin` and `end` near the square by branch-free compaction;
-/// returns their number so far.
+/// Collects the indices of events between `begin` and `end` near the square by branch-free
+/// compaction; returns their number so far.
 fn gather(
     chunk: EventSlice<'_>,
     [begin, end]: [usize; 2],
@@ -248,7 +248,8 @@ fn gather(
     n
 }
 
-/// Time in the step and coordinates in the frame of the events near the square, from the `first` on.
+/// Time in the step and coordinates in the frame of the events near the square, from the `first`
+/// on.
 fn locate(
     chunk: EventSlice<'_>,
     path: &RegionPath,

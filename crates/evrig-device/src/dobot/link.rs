@@ -222,8 +222,8 @@ impl ArmLink for SerialLink {
     }
 
     fn stop(&mut self) -> Result<(), LinkError> {
-        // Both receive the command before either is waited for; then each is asked again until it confirms,
-        // which it may do twice. A lost stop is worse than a double one.
+        // Both receive the command before either is waited for; then each is asked again until it
+        // confirms, which it may do twice. A lost stop is worse than a double one.
         self.write_stop()?;
         for command in [ArmCommand::ForceStop, ArmCommand::ClearQueue] {
             let request = command.frame(Ctrl::WRITE);

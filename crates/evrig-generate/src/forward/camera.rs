@@ -25,7 +25,8 @@ pub struct CameraConstants {
 }
 
 impl CameraConstants {
-    /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`] gives them.
+    /// The events of some pixels in a window of the drive's clock, as [`ForwardSimulator::run`]
+    /// gives them.
     ///
     /// # Errors
     /// A constant out of range, an effect without its input, an invalid window or pixel, or an

@@ -214,8 +214,8 @@ impl<'a> NoisyPixel<'a> {
         });
     }
 
-    /// Perhaps draws thresholds anew at the start of the step before instant `i`, at which the pixel
-    /// fires if the voltage is beyond them; whether to go on.
+    /// Perhaps draws thresholds anew at the start of the step before instant `i`, at which the
+    /// pixel fires if the voltage is beyond them; whether to go on.
     fn redraws(&mut self, i: usize, fire: &mut dyn FnMut(f64, bool) -> bool) -> bool {
         let start = (i - 1) as f64;
         let waits = self.held_until > start;

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForwardParameters {
-    /// The voltmeter's k, in the digital units of [`Drive::white_dn`](evrig_core::drive::Drive::white_dn).
+    /// The voltmeter's k, in the digital units of
+    /// [`Drive::white_dn`](evrig_core::drive::Drive::white_dn).
     pub k: Coefficients,
     /// Physical effects.
     #[serde(default, skip_serializing_if = "EffectSet::is_empty")]

@@ -21,15 +21,16 @@ pub struct PlaneInterpolator {
     finest_us: i64,
     path: Box<dyn PlanePath>,
     rows: RowTimes,
-    /// Ideal pixels of the mesh's nodes in frames of this size; `NaN` where distortion has no inverse.
+    /// Ideal pixels of the mesh's nodes in frames of this size; `NaN` where distortion has no
+    /// inverse.
     nodes: Option<(Size, Vec<[f64; 2]>)>,
     before: Option<Luminance>,
     n_in_place: u64,
 }
 
 impl PlaneInterpolator {
-    /// Output frames are no closer than `finest_us`, 10 to 1,000,000, and no closer than a quarter of
-    /// a pixel of the plane's motion.
+    /// Output frames are no closer than `finest_us`, 10 to 1,000,000, and no closer than a quarter
+    /// of a pixel of the plane's motion.
     ///
     /// # Errors
     /// A step out of range.
@@ -56,8 +57,8 @@ impl PlaneInterpolator {
         self.n_in_place
     }
 
-    /// Passes the frames after the previous one up to this one to `take`, each of one instant. Where
-    /// the plane's motion is unknown, as [`Interpolator::push`].
+    /// Passes the frames after the previous one up to this one to `take`, each of one instant.
+    /// Where the plane's motion is unknown, as [`Interpolator::push`].
     ///
     /// # Errors
     /// Errors of `take`.

@@ -5,10 +5,11 @@ use evrig_core::geometry::Size;
 /// Pixels from node to node.
 pub(super) const NODE_SPACING_PX: usize = 8;
 
-/// Places in a frame, one for each pixel: exact at every [`NODE_SPACING_PX`]th pixel each way, straight between.
+/// Places in a frame, one for each pixel: exact at every [`NODE_SPACING_PX`]th pixel each way,
+/// straight between.
 ///
-/// What bends the way there, perspective, lens and rolling rows, bends it over the whole image: with
-/// a lens that moves its corner by 30 px, straight between nodes is less than 0.02 px off.
+/// What bends the way there, perspective, lens and rolling rows, bends it over the whole image:
+/// with a lens that moves its corner by 30 px, straight between nodes is less than 0.02 px off.
 pub(super) struct PixelMesh {
     n_columns: usize,
     nodes: Vec<[f32; 2]>,
@@ -22,7 +23,8 @@ pub(super) struct MeshRow {
 }
 
 impl PixelMesh {
-    /// Middles of the pixels that are nodes of a grid, row by row; the last may lie beyond its edge.
+    /// Middles of the pixels that are nodes of a grid, row by row; the last may lie beyond its
+    /// edge.
     pub(super) fn pixels(size: Size) -> impl Iterator<Item = [f64; 2]> {
         let [columns, rows] = [size.width, size.height].map(n_nodes);
         let at = |node: usize| (node * NODE_SPACING_PX) as f64 + 0.5;

@@ -19,8 +19,8 @@ impl<'a> CubicSampler<'a> {
         Self { values: &frame.values, width, height }
     }
 
-    /// Brightness at a place, pixel `i` covering `i..i + 1`; none outside the frame. Beside the edge
-    /// the outermost pixels go on.
+    /// Brightness at a place, pixel `i` covering `i..i + 1`; none outside the frame. Beside the
+    /// edge the outermost pixels go on.
     #[inline(always)]
     pub(super) fn at(&self, [u, v]: [f32; 2]) -> Option<f32> {
         let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f32 && v < self.height as f32;

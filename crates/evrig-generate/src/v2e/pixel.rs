@@ -107,8 +107,8 @@ impl V2e {
         }
     }
 
-    /// Events by shot noise: two Poisson processes, faster in the dark and at low thresholds, drawn as
-    /// one whose events fall to either side.
+    /// Events by shot noise: two Poisson processes, faster in the dark and at low thresholds, drawn
+    /// as one whose events fall to either side.
     fn by_noise(
         &self,
         pixel: &V2ePixel,

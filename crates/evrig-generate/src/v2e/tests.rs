@@ -54,8 +54,8 @@ fn the_low_pass_delays_more_in_the_dark() {
         let times = out.as_slice().iter().filter(|e| (e.x, e.y) == (0, 0)).map(|e| e.t);
         times.take(3).last().unwrap() as f64
     };
-    // A first-order low-pass passes 0.6 of ln 2.2 after τ ln(1/(1 − 0.6/0.788)); its rate is 2π 10 Hz
-    // times (light + 20)/275.
+    // A first-order low-pass passes 0.6 of ln 2.2 after τ ln(1/(1 − 0.6/0.788)); its rate is 2π 10
+    // Hz times (light + 20)/275.
     let expected = |bright: f64| {
         let tau = 1.0 / (std::f64::consts::TAU * 10.0 * (bright + 20.0) / 275.0);
         -tau * (1.0_f64 - 0.6 / 2.2_f64.ln()).ln() * 1e6

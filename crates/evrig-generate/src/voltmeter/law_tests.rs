@@ -16,7 +16,8 @@ fn scaled(b: f64, s: f64) -> DriftDiffusion {
     DriftDiffusion { drift_per_us: b * rate, sigma_per_sqrt_us: rate.sqrt() }
 }
 
-/// Intervals between events in µs and their sides: `per_pixel` from each of `n_pixels`, frame by frame.
+/// Intervals between events in µs and their sides: `per_pixel` from each of `n_pixels`, frame by
+/// frame.
 fn intervals(
     advance: Advance,
     motion: DriftDiffusion,
@@ -163,7 +164,8 @@ fn swing(frame: u32) -> f32 {
     100.0 + 60.0 * (0.9 * frame as f32).sin()
 }
 
-/// What one pixel does over ten frames of [`swing`]: first event, number of ON and OFF, last voltage.
+/// What one pixel does over ten frames of [`swing`]: first event, number of ON and OFF, last
+/// voltage.
 struct PassageOutcome {
     first_us: f64,
     n_on: f64,

@@ -70,7 +70,8 @@ enum StepEnd {
 }
 
 impl PassageStep {
-    /// The longest step of `rest_us`, a half of it, a quarter, ... that reaches one barrier at most.
+    /// The longest step of `rest_us`, a half of it, a quarter, ... that reaches one barrier at
+    /// most.
     fn within(v: f64, motion: DriftDiffusion, rest_us: f64) -> Self {
         let (above, below) = (1.0 - v, 1.0 + v);
         let mut span_us = rest_us;

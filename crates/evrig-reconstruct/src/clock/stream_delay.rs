@@ -73,7 +73,8 @@ mod tests {
     use super::*;
     use evrig_core::units::Pixels;
 
-    /// Where a circle that is run one way is seen, with some noise, when the light is `late_s` late.
+    /// Where a circle that is run one way is seen, with some noise, when the light is `late_s`
+    /// late.
     fn seen(late_s: f64, period_s: f64, turn_per_s: f64) -> Vec<TrackSample<PiSensor>> {
         seen_for(6.0, late_s, period_s, turn_per_s)
     }

@@ -67,7 +67,8 @@ impl TagCells {
         Self::of(0x156_f1f4, 7, &upper, true)
     }
 
-    /// Reflectance at a place of the tag, its side being 0..1 to the right and down: 0 black, 1 white.
+    /// Reflectance at a place of the tag, its side being 0..1 to the right and down: 0 black, 1
+    /// white.
     fn at(&self, x: f64, y: f64) -> f64 {
         if !(0.0..1.0).contains(&x) || !(0.0..1.0).contains(&y) {
             return 1.0;
@@ -98,8 +99,9 @@ impl Taking {
         Self { width: 346, height: 260, blur_px, levels: [40.0, 210.0] }
     }
 
-    /// The frame without noise. `tag_from_pixel` takes a pixel coordinate to the tag (its side 0..1,
-    /// right and down); `corners` say where in the frame it is worth looking. The rest is paper.
+    /// The frame without noise. `tag_from_pixel` takes a pixel coordinate to the tag (its side
+    /// 0..1, right and down); `corners` say where in the frame it is worth looking. The rest is
+    /// paper.
     pub(super) fn render(
         &self,
         cells: &TagCells,

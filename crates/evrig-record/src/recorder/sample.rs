@@ -9,7 +9,8 @@ use evrig_session::{ClockExchange, HostTime};
 pub enum RecorderSample {
     /// A packet of an event camera, as it came.
     Packet {
-        /// Its stream, by the place in [`PreparedRecorder::streams`](super::PreparedRecorder::streams).
+        /// Its stream, by the place in
+        /// [`PreparedRecorder::streams`](super::PreparedRecorder::streams).
         stream: u32,
         /// When it was whole.
         arrived: HostTime,

@@ -8,7 +8,8 @@ pub const ON: Rgb = [0xff, 0xd0, 0x45];
 /// OFF events over an image; darker than ON.
 pub const OFF: Rgb = [0x5c, 0xa8, 0xff];
 
-/// Cividis: even lightness, readable with red-green blindness (anchors: Nuñez, Anderton and Renslow, PLoS ONE 13, 2018).
+/// Cividis: even lightness, readable with red-green blindness (anchors: Nuñez, Anderton and
+/// Renslow, PLoS ONE 13, 2018).
 const SEQUENTIAL: [Rgb; 7] = [
     [0, 32, 76],
     [31, 63, 110],

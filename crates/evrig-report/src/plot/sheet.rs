@@ -30,8 +30,8 @@ impl Sheet {
         self.canvas.text("title", at, Anchor::Start, text);
     }
 
-    /// Draws a chart on an area with its title above and its legend (ink, stroke, name) beside the label
-    /// of the vertical axis.
+    /// Draws a chart on an area with its title above and its legend (ink, stroke, name) beside the
+    /// label of the vertical axis.
     pub fn chart(
         &mut self,
         area: Area,

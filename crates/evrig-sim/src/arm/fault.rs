@@ -42,7 +42,8 @@ pub struct FaultTrigger {
 }
 
 /// A fault and its trigger. As text: `KIND[=VALUE][@N | @NAME[#N]]`, for instance
-/// `lost-reply@3` (the third request), `late-reply=150ms@PTP#2` (the second PTP), `alarm=0x22@POSE`.
+/// `lost-reply@3` (the third request), `late-reply=150ms@PTP#2` (the second PTP),
+/// `alarm=0x22@POSE`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// What.

@@ -42,7 +42,8 @@ pub struct ArmOptions {
     pub is_homed: bool,
     /// Duration of homing.
     pub homing: Span,
-    /// Delay of each answer on the host's clock: the wire alone takes 3.8 ms for a pose at 115200 baud.
+    /// Delay of each answer on the host's clock: the wire alone takes 3.8 ms for a pose at 115200
+    /// baud.
     pub reply_delay: Span,
     /// Parameters that set the speed of arcs.
     pub arc_speed: ArcSpeed,

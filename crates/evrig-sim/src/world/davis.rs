@@ -100,8 +100,8 @@ impl DavisTwin {
         self.from + Span::from_nanos(SLAB.as_nanos() * self.n_slabs as i64)
     }
 
-    /// The next ten milliseconds. A stamp that may still be overtaken by an earlier one (a full bus,
-    /// latency, jitter) comes with a later packet.
+    /// The next ten milliseconds. A stamp that may still be overtaken by an earlier one (a full
+    /// bus, latency, jitter) comes with a later packet.
     pub fn next_packet(&mut self) -> DavisPacket {
         let start = self.position();
         let noise_rate_hz = self.circuits[0].noise_rate_hz();

@@ -47,7 +47,8 @@ pub struct PrintedTargetDescription {
 pub struct DavisSensor {
     /// Threshold in log intensity; 0.19 fits a DAVIS346 (the published DVS-Voltmeter calibration).
     pub threshold: f64,
-    /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own aperture.
+    /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own
+    /// aperture.
     pub psf_sigma_px: f64,
     /// Value of white in a frame at the rig's exposure and full light, DN.
     pub aps_white_dn: f64,
@@ -77,9 +78,11 @@ pub struct ImuSensor {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PiSensorDescription {
-    /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own aperture.
+    /// Standard deviation of the lens's point spread, in pixels, on top of the pixel's own
+    /// aperture.
     pub psf_sigma_px: f64,
-    /// Value of white in a green pixel above the black level, at the rig's exposure and full light, DN.
+    /// Value of white in a green pixel above the black level, at the rig's exposure and full light,
+    /// DN.
     pub white_dn: f64,
     /// Read noise in DN.
     pub read_noise_dn: f64,

@@ -97,8 +97,8 @@ impl Illumination {
         self.flicker.filter(|flicker| flicker.depth > 0.0).map_or(0.0, |f| 40.0 * f.frequency_hz)
     }
 
-    /// Times strictly within an interval at which the light must be looked at besides: the corners of
-    /// its ramps and some places on them.
+    /// Times strictly within an interval at which the light must be looked at besides: the corners
+    /// of its ramps and some places on them.
     pub(super) fn corners(&self, from_s: f64, to_s: f64) -> Vec<f64> {
         let mut corners = Vec::new();
         for line in [&self.levels, &self.flashes] {

@@ -1,10 +1,11 @@
 //! The inertial unit beside the DAVIS's pixels: how the camera turns and what pushes it.
 //!
-//! An InvenSense MPU-6500 (PS-MPU-6500A-01; the MPU-9250 of other cameras has the same gyroscope), set
-//! as the camera's drivers set it: a thousand samples a second, 500 degrees a second and 4 g at full
-//! scale, low-pass at 92 Hz. Axes are those of the image: x to its right, y down, z along the view.
-//! A unit at rest feels what holds it up, so one that looks at the floor shows -1 g along z. It sits
-//! where the optical centre is; at the rotation rates of an arm, an offset of a few millimetres cannot be measured.
+//! An InvenSense MPU-6500 (PS-MPU-6500A-01; the MPU-9250 of other cameras has the same gyroscope),
+//! set as the camera's drivers set it: a thousand samples a second, 500 degrees a second and 4 g at
+//! full scale, low-pass at 92 Hz. Axes are those of the image: x to its right, y down, z along the
+//! view. A unit at rest feels what holds it up, so one that looks at the floor shows -1 g along z.
+//! It sits where the optical centre is; at the rotation rates of an arm, an offset of a few
+//! millimetres cannot be measured.
 
 use super::draws::{RandomPurpose, WorldRandom};
 use super::scene::World;
@@ -15,15 +16,17 @@ use nalgebra::Vector3;
 
 /// Between two samples.
 const PERIOD: Span = Span::from_micros(1_000);
-/// What a sample is the mean of: such a mean has the noise bandwidth of 100 Hz, with which the sheet's
-/// density of noise becomes its total noise at this low-pass (0.01 and 0.1 degrees a second).
+/// What a sample is the mean of: such a mean has the noise bandwidth of 100 Hz, with which the
+/// sheet's density of noise becomes its total noise at this low-pass (0.01 and 0.1 degrees a
+/// second).
 const N_MEAN: u64 = 5;
 /// The filter's delay in the sheet's table of low-passes.
 const DELAY: Span = Span::from_micros(3_900);
 /// Speeds are taken over twice this.
 const INSTANT: Span = Span::from_micros(500);
 const STANDARD_GRAVITY_MM_PER_S2: f64 = 9_806.65;
-/// Steps of the converters at these full scales, and of the thermometer, which shows 0 at 21 degrees.
+/// Steps of the converters at these full scales, and of the thermometer, which shows 0 at 21
+/// degrees.
 const STEPS_PER_G: f64 = 8_192.0;
 const STEPS_PER_DEG_PER_S: f64 = 65.5;
 const STEPS_PER_C: f64 = 333.87;
@@ -191,7 +194,8 @@ mod tests {
             let turn: Vec<_> =
                 samples.iter().map(|s| f64::from(s.rotation_deg_per_s[axis])).collect();
             let rms = mean(&turn.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
-            // 0.1 degrees a second in all at 92 Hz, according to the data sheet; 2,000 of them are independent.
+            // 0.1 degrees a second in all at 92 Hz, according to the data sheet; 2,000 of them are
+            // independent.
             assert!((rms - 0.1).abs() < 0.008, "{axis}: {rms}");
             // Neighbours share four of five.
             let products: Vec<_> = turn.windows(2).map(|pair| pair[0] * pair[1]).collect();
@@ -202,8 +206,8 @@ mod tests {
 
     #[test]
     fn its_turns_add_up_to_the_wrists() {
-        // Half a period: 40 degrees of the tool against the clock as seen from above; the camera looks
-        // down, so it sees itself turn the other way about its view.
+        // Half a period: 40 degrees of the tool against the clock as seen from above; the camera
+        // looks down, so it sees itself turn the other way about its view.
         let world = world(Swaying { turn_deg: 40.0, way_mm: 0.0, frequency_hz: 0.5 }, perfect);
         let samples = samples(&world, Span::from_micros(1_000_000) + DELAY);
         for (axis, expected) in [0.0, 0.0, -40.0].into_iter().enumerate() {

@@ -15,7 +15,8 @@ pub(super) struct WorldPlane {
     pub(super) down: Vector3<f64>,
 }
 
-/// A pinhole with Brown's distortion. Pixel coordinates are continuous: pixel `i` covers `i..i + 1`.
+/// A pinhole with Brown's distortion. Pixel coordinates are continuous: pixel `i` covers `i..i +
+/// 1`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DistortedPinhole {
     focal_px: f64,
@@ -35,7 +36,8 @@ pub(super) struct ToolCamera {
 }
 
 impl WorldPlane {
-    /// From a ray of a camera (right and down over forward) to millimetres on the target, homogeneous.
+    /// From a ray of a camera (right and down over forward) to millimetres on the target,
+    /// homogeneous.
     pub(super) fn plane_from_ray(&self, camera: &CameraFrame) -> Matrix3<f64> {
         let axes = Matrix3::from_columns(&[camera.right, camera.down, camera.forward]);
         let normal = self.right.cross(&self.down);

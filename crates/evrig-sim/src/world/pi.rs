@@ -9,8 +9,8 @@ use evrig_core::frame::{Channels, Frame, FrameTiming, Samples};
 use evrig_core::time::{PiSensor, Span, Stamp, Unix};
 use std::sync::Arc;
 
-/// The frame camera in a world. It gives frame after frame, the same for whoever asks and however many
-/// threads there are.
+/// The frame camera in a world. It gives frame after frame, the same for whoever asks and however
+/// many threads there are.
 #[derive(Debug)]
 pub struct PiTwin {
     world: Arc<World>,

@@ -144,8 +144,9 @@ impl World {
         }
     }
 
-    /// True position of a point of the target (millimetres right and down from the middle of image and
-    /// tag) in a camera's image: continuous coordinates, pixel `i` covers `i..i + 1`. None behind it.
+    /// True position of a point of the target (millimetres right and down from the middle of image
+    /// and tag) in a camera's image: continuous coordinates, pixel `i` covers `i..i + 1`. None
+    /// behind it.
     #[must_use]
     pub fn pixel_of_place(
         &self,
@@ -192,7 +193,8 @@ impl World {
     }
 }
 
-/// Pose of the target: parallel to the sensor of the DAVIS at the beginning, rotated as the rig states.
+/// Pose of the target: parallel to the sensor of the DAVIS at the beginning, rotated as the rig
+/// states.
 fn place_target(rig: &Rig, start: Pose) -> WorldPlane {
     let (davis, pi) = (rig.mount.davis.frame(start), rig.mount.pi.frame(start));
     let (sin, cos) = rig.target.rotation.0.to_radians().sin_cos();

@@ -88,8 +88,8 @@ impl TargetTexture {
         top + v * (bottom - top)
     }
 
-    /// Whether all that a way through these texels can meet has one value. Between two of the places
-    /// the way must bend by less than a quarter of what it spans.
+    /// Whether all that a way through these texels can meet has one value. Between two of the
+    /// places the way must bend by less than a quarter of what it spans.
     pub(super) fn is_flat_along(&self, places: impl IntoIterator<Item = [f32; 2]>) -> bool {
         let mut low = [f32::INFINITY; 2];
         let mut high = [f32::NEG_INFINITY; 2];

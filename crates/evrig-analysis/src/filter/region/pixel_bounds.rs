@@ -45,8 +45,8 @@ impl PixelBounds {
         Self { first: [0; 2], n: [size.width, size.height] }
     }
 
-    /// Pixels that can lie within `half` of the square's middle during a step with homography `at` and
-    /// its `change`; `ranges` for a lens with distortion.
+    /// Pixels that can lie within `half` of the square's middle during a step with homography `at`
+    /// and its `change`; `ranges` for a lens with distortion.
     pub(super) fn new(
         size: Size,
         [at, change]: [[f32; 9]; 2],
@@ -84,8 +84,8 @@ impl PixelBounds {
     }
 }
 
-/// Corners of a square of half side `half`, relative to the middle of the frame; none at or behind the
-/// horizon.
+/// Corners of a square of half side `half`, relative to the middle of the frame; none at or behind
+/// the horizon.
 fn corners(numbers: [f32; 9], half: f32) -> Option<[[f64; 2]; 4]> {
     let matrix = nalgebra::Matrix3::from_row_slice(&numbers.map(f64::from));
     let back = matrix.try_inverse()?;

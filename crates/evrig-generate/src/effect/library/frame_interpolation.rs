@@ -1,8 +1,8 @@
 //! Frame interpolation: what happens between two frames is not a straight line.
 //!
-//! Between its frames a drive from frames is straight in log intensity; light that passes smoothly is
-//! nearer the cubic through four frames (Catmull and Rom 1974). Signature: residuals locked to the
-//! phase between frames, stronger the faster the light changes.
+//! Between its frames a drive from frames is straight in log intensity; light that passes smoothly
+//! is nearer the cubic through four frames (Catmull and Rom 1974). Signature: residuals locked to
+//! the phase between frames, stronger the faster the light changes.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::{PixelSite, RecordingContext, SiteSignal};

@@ -1,9 +1,10 @@
 //! Frame noise: the frames are noisier than stated.
 //!
-//! Noise of the frames looks to a generator like change of light, once an interval. Where the second
-//! difference of three frames is no larger than the noise would make it, the middle one is replaced
-//! by their mean, the best estimate for light that is straight over them; where it is larger, in
-//! part. Signature: simulated events of still pixels at the frames' rhythm that the camera lacks.
+//! Noise of the frames looks to a generator like change of light, once an interval. Where the
+//! second difference of three frames is no larger than the noise would make it, the middle one is
+//! replaced by their mean, the best estimate for light that is straight over them; where it is
+//! larger, in part. Signature: simulated events of still pixels at the frames' rhythm that the
+//! camera lacks.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::{PixelSite, RecordingContext, SiteSignal};

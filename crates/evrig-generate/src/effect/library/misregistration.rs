@@ -1,7 +1,7 @@
 //! Misregistration: the registration of the event camera is wrong.
 //!
-//! The real image is shifted, rotated about the middle of the sensor and scaled against the drive. Signature: a lag of shift over velocity that turns its sign with the
-//! direction of motion.
+//! The real image is shifted, rotated about the middle of the sensor and scaled against the drive.
+//! Signature: a lag of shift over velocity that turns its sign with the direction of motion.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;

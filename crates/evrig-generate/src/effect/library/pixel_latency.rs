@@ -1,9 +1,9 @@
 //! Pixel latency: from the crossing to the request a while passes.
 //!
-//! The comparator and the request logic take their time; the pixel is reset only with the request, so
-//! what the light does in between is lost (Posch, Matolin, Wohlgenannt, JSSC 2011; Joubert et al.,
-//! IEBCS, 2021). Signature: events late by a constant, and intervals longer by it, which a clock
-//! offset does not do.
+//! The comparator and the request logic take their time; the pixel is reset only with the request,
+//! so what the light does in between is lost (Posch, Matolin, Wohlgenannt, JSSC 2011; Joubert et
+//! al., IEBCS, 2021). Signature: events late by a constant, and intervals longer by it, which a
+//! clock offset does not do.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;

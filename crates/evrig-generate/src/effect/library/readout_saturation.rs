@@ -1,9 +1,9 @@
 //! Readout saturation: the bus carries so many events a second and no more.
 //!
-//! One server takes requests in their order, each for 1/max; a stamp is given when it is served, and
-//! a pixel that waits cannot ask again, so its further events are lost. With some of the camera's
-//! pixels run, the bus serves them their share. Signature: lag that grows with the load of the
-//! whole camera; above the limit counts are cut.
+//! One server takes requests in their order, each for 1/max; a stamp is given when it is served,
+//! and a pixel that waits cannot ask again, so its further events are lost. With some of the
+//! camera's pixels run, the bus serves them their share. Signature: lag that grows with the load of
+//! the whole camera; above the limit counts are cut.
 
 use crate::effect::model::{EffectModel, ReadoutContext};
 use evrig_core::event::Events;

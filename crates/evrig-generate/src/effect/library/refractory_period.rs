@@ -1,8 +1,8 @@
 //! Refractory period: after an event a pixel is held at reset.
 //!
 //! The reset switch of the differencing amplifier stays closed for the refractory time; change of
-//! the signal meanwhile is lost, and the new reference level is that of its end (Lichtsteiner, Posch,
-//! Delbruck, JSSC 2008). Signature: no interval below it, and steep edges give fewer events.
+//! the signal meanwhile is lost, and the new reference level is that of its end (Lichtsteiner,
+//! Posch, Delbruck, JSSC 2008). Signature: no interval below it, and steep edges give fewer events.
 //!
 //! Event filters and some simulators implement another one: the pixel keeps firing and storing its
 //! reference level, and events too soon after one that passed are removed.

@@ -1,7 +1,7 @@
 //! Rolling shutter: rows of a frame follow each other otherwise than stated.
 //!
-//! Row y shows light `y * row_us` later than the frame's record states, so the pixel sees it later than
-//! the drive states. Rows are counted on the event camera. Signature: a lag linear in the row.
+//! Row y shows light `y * row_us` later than the frame's record states, so the pixel sees it later
+//! than the drive states. Rows are counted on the event camera. Signature: a lag linear in the row.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;

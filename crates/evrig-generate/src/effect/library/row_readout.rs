@@ -1,8 +1,8 @@
 //! Row readout: the pending events of a row are read together and share a stamp.
 //!
 //! The arbiter grants a row, all its requests are read in one go, then the next row that waits
-//! longest; a row takes `row_us` (as in column-parallel DAVIS readout; Joubert et al., IEBCS, 2021).
-//! Signature: events of one row with one stamp, far more than chance.
+//! longest; a row takes `row_us` (as in column-parallel DAVIS readout; Joubert et al., IEBCS,
+//! 2021). Signature: events of one row with one stamp, far more than chance.
 
 use crate::effect::model::{EffectModel, ReadoutContext};
 use evrig_core::event::{Event, Events};

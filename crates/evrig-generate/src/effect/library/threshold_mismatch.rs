@@ -2,7 +2,8 @@
 //!
 //! Transistor mismatch in the comparators sets both thresholds of a pixel apart from the nominal
 //! ones, ON and OFF independently and for good (Lichtsteiner et al. 2008; Hu et al., v2e, 2021;
-//! Wang et al. 2020). Signature: counts differ from pixel to pixel and do so again in every segment.
+//! Wang et al. 2020). Signature: counts differ from pixel to pixel and do so again in every
+//! segment.
 
 use crate::effect::model::EffectModel;
 use crate::effect::pixel_site::PixelSite;

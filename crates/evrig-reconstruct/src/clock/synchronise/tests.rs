@@ -157,8 +157,8 @@ fn a_session_without_any_usable_stamp_is_refused_with_the_reason() {
     assert!(error.contains("0 usable frames"), "{error}");
 }
 
-/// A figure of eight as the DAVIS sees it, and as the Pi does when its clock is `late_us` behind what
-/// the readings say; `stray_px` of another motion on top.
+/// A figure of eight as the DAVIS sees it, and as the Pi does when its clock is `late_us` behind
+/// what the readings say; `stray_px` of another motion on top.
 fn figures(late_us: i64, stray_px: f64) -> (Vec<TrackSample<Davis>>, Vec<TrackSample<PiSensor>>) {
     let place = |t_s: f64, radius_px: f64| {
         let turn = std::f64::consts::TAU * 0.5 * t_s;

@@ -128,8 +128,8 @@ impl Circuit {
         StepConstants { dt, fixed: self.fixed_pole.map(pole), adaptation, noise }
     }
 
-    /// Goes on by a step while the log current goes straight from `x[0]` to `x[1]`, its middle being
-    /// `current`; the new output.
+    /// Goes on by a step while the log current goes straight from `x[0]` to `x[1]`, its middle
+    /// being `current`; the new output.
     pub(super) fn advance(
         &self,
         memory: &mut CircuitState,

@@ -94,7 +94,8 @@ impl Comparator {
         }
     }
 
-    /// Whether a straight signal that begins or ends at `signal` fires nothing there; a no may be hasty.
+    /// Whether a straight signal that begins or ends at `signal` fires nothing there; a no may be
+    /// hasty.
     #[inline]
     pub(super) fn keeps_still(&self, held: &ComparatorState, signal: f64) -> bool {
         let away = signal - held.reference;

@@ -112,8 +112,8 @@ impl PixelState {
         };
     }
 
-    /// Whether the slab takes an ideal pixel nowhere near its thresholds; it is then at its end. Most
-    /// pixels in most slabs are, and a few looks show it.
+    /// Whether the slab takes an ideal pixel nowhere near its thresholds; it is then at its end.
+    /// Most pixels in most slabs are, and a few looks show it.
     fn is_quiet(
         &mut self,
         pixel: usize,

@@ -5,7 +5,8 @@ use crate::world::draws::{RandomPurpose, WorldRandom};
 use crate::world::effects::{EventDrop, WorldEffects};
 use std::collections::{BTreeSet, VecDeque};
 
-/// A stamp's error is cut off at so many standard deviations, so that later events can be waited for.
+/// A stamp's error is cut off at so many standard deviations, so that later events can be waited
+/// for.
 const MAX_SIGMAS: f32 = 5.0;
 
 /// The chain behind the pixels. Requests go in in order, slab by slab; events come out in order.

@@ -1,4 +1,5 @@
-//! Time cut into slabs, and a slab into instants close enough that light is a straight line between them.
+//! Time cut into slabs, and a slab into instants close enough that light is a straight line between
+//! them.
 
 use crate::world::scene::World;
 use crate::world::view::TexelFromRay;
@@ -55,7 +56,8 @@ pub(super) struct Slab {
 }
 
 impl Slab {
-    /// Slab number `number` from `start` on; `noise_rate_hz` is how often the noise must be looked at.
+    /// Slab number `number` from `start` on; `noise_rate_hz` is how often the noise must be looked
+    /// at.
     pub(super) fn new(world: &World, number: u64, start: Span, noise_rate_hz: f64) -> Self {
         let (begin, length) = (start.as_secs_f64(), SLAB.as_secs_f64());
         let at = |since: f64| world.true_pose(start + Span::from_secs_f64(since));

@@ -34,8 +34,9 @@ impl Spontaneous {
         })
     }
 
-    /// The events of one pixel within the slab, in order; `exposures` are numbers and starts (seconds)
-    /// of the frames that may reach into it. An affected pixel alone has background activity.
+    /// The events of one pixel within the slab, in order; `exposures` are numbers and starts
+    /// (seconds) of the frames that may reach into it. An affected pixel alone has background
+    /// activity.
     pub(super) fn events(
         &self,
         pixel: usize,

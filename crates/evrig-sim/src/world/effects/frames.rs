@@ -82,7 +82,8 @@ pub struct Defocus {
     pub camera: WhichCamera,
 }
 
-/// Light falls off as the square of the distance from the centre: `1 - corner_loss (r / r_corner)^2`.
+/// Light falls off as the square of the distance from the centre: `1 - corner_loss (r /
+/// r_corner)^2`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vignetting {
@@ -93,7 +94,8 @@ pub struct Vignetting {
     pub camera: WhichCamera,
 }
 
-/// The DAVIS sees everything moved by this similarity about its centre, against what the rig states.
+/// The DAVIS sees everything moved by this similarity about its centre, against what the rig
+/// states.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Misregistration {

@@ -48,7 +48,8 @@ pub struct ThresholdMismatch {
     pub correlation: f64,
 }
 
-/// Thresholds `theta sqrt(ratio)` for ON and `theta / sqrt(ratio)` for OFF (biases onbn, offbn; 0.5..2).
+/// Thresholds `theta sqrt(ratio)` for ON and `theta / sqrt(ratio)` for OFF (biases onbn, offbn;
+/// 0.5..2).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThresholdAsymmetry {
@@ -56,8 +57,8 @@ pub struct ThresholdAsymmetry {
     pub on_off_ratio: f64,
 }
 
-/// The reset transistor's junction leaks: the comparator drifts towards ON by `rate_hz` thresholds a
-/// second (Nozaki and Delbruck 2017: 0.05..1 Hz).
+/// The reset transistor's junction leaks: the comparator drifts towards ON by `rate_hz` thresholds
+/// a second (Nozaki and Delbruck 2017: 0.05..1 Hz).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JunctionLeak {
@@ -74,9 +75,9 @@ pub struct PhotocurrentLeak {
     pub rate_hz_at_white: f64,
 }
 
-/// Band-limited noise on the photoreceptor's output: white noise behind a pole at `bandwidth_hz` and
-/// the follower's pole at three times that, stationary with standard deviation
-/// `rms_thresholds * theta * (I / I_white)^-brightness_exponent` (Graca 2023, 2025: 0.05..0.5 thresholds).
+/// Band-limited noise on the photoreceptor's output: white noise behind a pole at `bandwidth_hz`
+/// and the follower's pole at three times that, stationary with standard deviation `rms_thresholds
+/// * theta * (I / I_white)^-brightness_exponent` (Graca 2023, 2025: 0.05..0.5 thresholds).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShotNoise {
@@ -124,7 +125,8 @@ pub struct PixelLatency {
     pub latency_us: f64,
 }
 
-/// The signal's slow part is subtracted: `z = y - fraction * a`, `da/dt = (y - a) / time_constant_s`.
+/// The signal's slow part is subtracted: `z = y - fraction * a`, `da/dt = (y - a) /
+/// time_constant_s`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adaptation {

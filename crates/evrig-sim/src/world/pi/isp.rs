@@ -10,8 +10,8 @@ const WHITE: f64 = 0.85;
 /// Turns a raw frame into an RGB one.
 #[derive(Debug)]
 pub(super) struct Isp {
-    /// Eight-bit value for each raw value of red, green and blue: pedestal, balance and curve in one,
-    /// in [`STEPS`] of a DN so that averages keep their fraction.
+    /// Eight-bit value for each raw value of red, green and blue: pedestal, balance and curve in
+    /// one, in [`STEPS`] of a DN so that averages keep their fraction.
     curves: [Vec<u8>; 3],
 }
 
@@ -34,8 +34,8 @@ impl Isp {
         Self { curves }
     }
 
-    /// Blue, green, red of each pixel of a mosaic RGGB, colours that a pixel lacks averaged from its
-    /// neighbours.
+    /// Blue, green, red of each pixel of a mosaic RGGB, colours that a pixel lacks averaged from
+    /// its neighbours.
     pub(super) fn develop(&self, raw: &[u16], size: Size) -> Vec<u8> {
         let (width, height) = (usize::from(size.width), usize::from(size.height));
         let mut bgr = vec![0_u8; raw.len() * 3];

@@ -118,7 +118,8 @@ fn band_limited_noise_alternates_in_polarity_and_random_activity_does_not() {
     assert!((alternation(&random) - 0.5).abs() < 0.03);
 }
 
-/// Mean lag of ON events behind those of the nominal world, in seconds, from their phase in the stripes.
+/// Mean lag of ON events behind those of the nominal world, in seconds, from their phase in the
+/// stripes.
 fn lag_s(effects: &str) -> f64 {
     let phase = |effects: &str| {
         let frequency = 2.0;
