@@ -231,7 +231,8 @@ fn table() {
                 let (wall, cpu) = (wall.as_secs_f64() / n as f64, run.cpu.as_secs_f64() / n as f64);
                 let events = run.n_events as f64 / n as f64;
                 println!(
-                    "| {} | {size} | {threads} | {events:.0} | {:.0} | {:.2} | {:.2} | {:.0} | {:.1} |",
+                    "| {} | {size} | {threads} | {events:.0} | {:.0} | {:.2} | {:.2} | {:.0} | \
+                     {:.1} |",
                     case.name,
                     1.0 / wall,
                     events / wall / 1e6,

@@ -204,7 +204,8 @@ fn to_sink(seconds: f64, compression: Compression) -> bool {
         check.n_events, check.n_raw, check.n_rgb
     );
     println!(
-        "recorder   {:.2} cores (and {:.2} to read it back), peak memory {} MB, {} MB of it within 10 s",
+        "recorder   {:.2} cores (and {:.2} to read it back), peak memory {} MB, {} MB of it \
+         within 10 s",
         cores(&load, before, rehearsed.check_cpu.as_nanos(), wall),
         rehearsed.check_cpu.as_secs_f64() / wall,
         status_kb("VmHWM:") / 1024,

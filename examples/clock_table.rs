@@ -192,7 +192,8 @@ fn run_motion(path: Path, duration_s: f64, trials: u64) {
     }
     let n = answered as f64;
     println!(
-        "{:10} {duration_s:6.0} s {trials:5} {answered:8} {:8.1} {:8.1} {:8.1} {limit_us:8.1} {:7.2} {:7.0} {:7.0}",
+        "{:10} {duration_s:6.0} s {trials:5} {answered:8} {:8.1} {:8.1} {:8.1} {limit_us:8.1} \
+         {:7.2} {:7.0} {:7.0}",
         format!("{path:?}"),
         sum / n,
         (squares / n).sqrt(),
@@ -216,7 +217,8 @@ fn main() {
     run(slow(Family::Gamma), trials);
     run(slow(Family::Lognormal), trials);
     println!(
-        "\nmotion       time  tracks answered  bias us   rms us  claimed    limit rms/lim  in 95%  in 90%"
+        "\nmotion       time  tracks answered  bias us   rms us  claimed    limit rms/lim  in \
+         95%  in 90%"
     );
     for path in [Path::BothWays, Path::Lissajous, Path::OneWay] {
         run_motion(path, 5.0, 2 * trials);

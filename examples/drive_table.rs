@@ -374,7 +374,8 @@ fn drive_errors(case: &Case, drive: &SceneDrive) {
     }
     let n = errors.len();
     println!(
-        "  drive: {known} pixels known, {n} textured, error {:.4} (median) {:.4} (90 %) thresholds, stated {:.4}; {:.1} s",
+        "  drive: {known} pixels known, {n} textured, error {:.4} (median) {:.4} (90 %) \
+         thresholds, stated {:.4}; {:.1} s",
         quantile(&mut errors, 0.5),
         quantile(&mut errors, 0.9),
         quantile(&mut stated, 0.5),

@@ -82,7 +82,8 @@ fn measure(
     let share = coded.len() as f64 / bytes.len() as f64;
     let mbit = coded.len() as f64 * 8e-6 * FRAMES_PER_S;
     println!(
-        "{gain:>4}  {image:<7}  {coder:<14}  {share:.3}  {mbit:>8.0}  {encoded:>11.0}  {decoded:>11.0}"
+        "{gain:>4}  {image:<7}  {coder:<14}  {share:.3}  {mbit:>8.0}  {encoded:>11.0}  \
+         {decoded:>11.0}"
     );
 }
 

@@ -60,7 +60,10 @@ pub enum BatchError {
         what: String,
     },
     /// Another process has it.
-    #[error("{path} is being processed by {whom}; wait for its end, or stop that one first", path = path.display())]
+    #[error(
+        "{path} is being processed by {whom}; wait for its end, or stop that one first",
+        path = path.display()
+    )]
     Busy {
         /// The dataset or the session.
         path: PathBuf,
@@ -68,7 +71,11 @@ pub enum BatchError {
         whom: String,
     },
     /// Nothing can be written to it.
-    #[error("{path}: {source}; results are written beside the recordings: copy them to a writable disk with free space", path = path.display())]
+    #[error(
+        "{path}: {source}; results are written beside the recordings: copy them to a writable \
+         disk with free space",
+        path = path.display()
+    )]
     NoRoom {
         /// Where.
         path: PathBuf,

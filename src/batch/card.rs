@@ -10,7 +10,8 @@ pub fn card(index: &Index) -> String {
     let n = index.sessions.len();
     let _ = writeln!(
         text,
-        "{n} sessions, {:.1} s recorded. Written by evrig {}; `dataset.json` holds the same for programs.\n",
+        "{n} sessions, {:.1} s recorded. Written by evrig {}; `dataset.json` holds the same for \
+         programs.\n",
         index.duration_s(),
         index.evrig_version
     );
@@ -33,7 +34,8 @@ pub fn card(index: &Index) -> String {
     }
     let _ = writeln!(
         text,
-        "\nA session's split follows from a hash of {} and the seed {}: adding sessions moves none.",
+        "\nA session's split follows from a hash of {} and the seed {}: adding sessions moves \
+         none.",
         match index.split_by {
             SplitBy::Recording => "what was recorded",
             SplitBy::Stimulus => "the displayed image, whose recordings are all in one part,",

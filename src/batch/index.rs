@@ -267,15 +267,16 @@ fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Ve
     let n_unstated = sessions.iter().filter(is_unstated).count();
     if by == SplitBy::Stimulus && n_unstated > 0 {
         warnings.push(format!(
-            "{n_unstated} sessions do not state which image was displayed, so that the split counts each \
-             as a separate image; `evrig record --images` notes it"
+            "{n_unstated} sessions do not state which image was displayed, so that the split \
+             counts each as a separate image; `evrig record --images` notes it"
         ));
     }
     if rigs.len() > 1 {
         let names: Vec<String> =
             rigs.iter().map(|rig| format!("{} ({})", rig.id, rig.n_sessions)).collect();
         warnings.push(format!(
-            "the dataset mixes sessions of {} rigs: {}; `evrig compare DATASET --rig NAME` selects one",
+            "the dataset mixes sessions of {} rigs: {}; `evrig compare DATASET --rig NAME` \
+             selects one",
             rigs.len(),
             names.join("; ")
         ));
@@ -287,7 +288,8 @@ fn warnings(sessions: &[IndexedSession], rigs: &[IndexedRig], by: SplitBy) -> Ve
         .collect();
     if !newer.is_empty() {
         warnings.push(format!(
-            "made by a newer evrig than this one ({}), whose files may contain keys that this one does not read: {}",
+            "made by a newer evrig than this one ({}), whose files may contain keys that this one \
+             does not read: {}",
             env!("CARGO_PKG_VERSION"),
             newer.join(", ")
         ));

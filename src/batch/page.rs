@@ -160,8 +160,8 @@ fn effects(index: &Index) -> Option<Section> {
     (!rows.is_empty()).then(|| Section {
         title: "What the model leaves out".into(),
         lead: format!(
-            "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, each \
-             with its standard error."
+            "{n_diagnosed} sessions were diagnosed. Means over the sessions that name an effect, \
+             each with its standard error."
         ),
         blocks: vec![SectionBlock::ReportTable(ReportTable {
             title: "Effects named".into(),
@@ -213,9 +213,9 @@ fn comparison(aggregate: &Aggregate) -> Section {
     });
     let healthy = ReportTable {
         title: "Sessions in the healthy range".into(),
-        caption:
-            "Number of sessions in which each measure is in the range that its authors call healthy."
-                .into(),
+        caption: "Number of sessions in which each measure is in the range that its authors call \
+             healthy."
+            .into(),
         columns,
         rows: rows.collect(),
     };

@@ -20,7 +20,8 @@ pub enum BaselineChoice {
     evrig diagnose sessions/street\n  \
     evrig diagnose sessions/street --from aps --json\n  \
     evrig diagnose sessions/street -v      (what is computed, line by line)\n  \
-    evrig generate sessions/street --diagnosed   (events of the whole sensor by the diagnosed camera)\n\n\
+    evrig generate sessions/street --diagnosed   (events of the whole sensor by the diagnosed \
+    camera)\n\n\
     A mismatch is a result, not a failure: the exit code is 0.")]
 pub struct DiagnoseArgs {
     /// The session

@@ -28,7 +28,8 @@ pub enum ImportCommand {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  evrig import aedat4 davis346-street.aedat4 --out sessions/street\n\n\
-    A truncated or damaged file is imported up to the damage (exit code 3); its bytes are kept unchanged."
+    A truncated or damaged file is imported up to the damage (exit code 3); its bytes are kept \
+    unchanged."
 )]
 pub struct ImportAedat4Args {
     /// The recording
@@ -73,11 +74,10 @@ pub struct ImportFramesArgs {
 
 /// Arguments of `evrig import raw2event`.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  evrig import raw2event recordings/ --id 170406 --timezone Europe/Brussels --out sessions/cat\n\n\
+#[command(after_help = "Example:\n  evrig import raw2event recordings/ --id 170406 --timezone \
+        Europe/Brussels --out sessions/cat\n\n\
     Files are matched by their tag, then by the nearest time. What had to be decided about them \
-    (units, bit positions, partial frames) is printed and kept in the manifest."
-)]
+    (units, bit positions, partial frames) is printed and kept in the manifest.")]
 pub struct ImportRaw2EventArgs {
     /// Directory with dv_output_*.aedat4, metadata_*.dat, raw_frames_*.dat, rgb_frames_*.dat
     pub directory: PathBuf,

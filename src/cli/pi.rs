@@ -45,7 +45,8 @@ pub struct PiArgs {
 /// Arguments of `evrig pair`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig pair\n\n\
-    Makes two directories of keys, `host` and `agent`; only they can connect to each other. Run it on\n\
+    Makes two directories of keys, `host` and `agent`; only they can connect to each other. Run \
+    it on\n\
     the host and copy `agent` to the Pi as printed. The certificate authority is\n\
     deleted: to change either half, run `evrig pair` again.")]
 pub struct PairArgs {

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 /// Arguments of `evrig info`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  evrig info sessions/street\n  evrig info sessions/street --json | jq '.streams[].count'"
+    after_help = "Examples:\n  evrig info sessions/street\n  evrig info sessions/street --json | \
+        jq '.streams[].count'"
 )]
 pub struct InfoArgs {
     /// The session
@@ -15,10 +16,9 @@ pub struct InfoArgs {
 
 /// Arguments of `evrig verify`.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  evrig verify sessions/street\n  evrig verify sessions/cut --repair\n\n\
-    Exit code 4 when a check fails, 3 when all pass and losses are recorded."
-)]
+#[command(after_help = "Examples:\n  evrig verify sessions/street\n  evrig verify sessions/cut \
+        --repair\n\n\
+    Exit code 4 when a check fails, 3 when all pass and losses are recorded.")]
 pub struct VerifyArgs {
     /// The session
     pub session: PathBuf,
@@ -97,9 +97,9 @@ pub struct ExportArgs {
 
 /// Arguments of `evrig report`.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples:\n  evrig report sessions/street      # writes sessions/street/report.html\n  evrig report dataset              # a table of its sessions, with links to their reports"
-)]
+#[command(after_help = "Examples:\n  evrig report sessions/street      # writes \
+        sessions/street/report.html\n  evrig report dataset              # a table of its \
+        sessions, with links to their reports")]
 pub struct ReportArgs {
     /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,

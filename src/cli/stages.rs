@@ -9,16 +9,17 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig generate sessions/street\n  \
     evrig generate sessions/street --from aps --preset dvs346 --seed 7 --name aps-7\n  \
-    evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name published\n  \
-    evrig generate sessions/street --knob contrast-sensitivity=3 --knob bright-leakage=0 --name calm\n  \
-    evrig generate sessions/street --model v2e --name v2e\n  \
+    evrig generate sessions/street --k 5.265,20,1e-4,1e-7,5e-9,1e-5 --law reference --name \
+    published\n  evrig generate sessions/street --knob contrast-sensitivity=3 --knob \
+    bright-leakage=0 --name calm\n  evrig generate sessions/street --model v2e --name v2e\n  \
     evrig generate sessions/street --effect refractory_period:refractory_us=800 --name held\n  \
     evrig generate sessions/one --from scene --k @calibrated --name scene-tuned\n  \
     evrig generate sessions/one --diagnosed      # the camera that `evrig diagnose` found there\n  \
     evrig generate sessions/next --diagnosed sessions/one/derived/diagnose/camera.json\n  \
     evrig generate sessions/street --variants davis\n\n\
-    Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity (1..10), \
-    bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), global-noise (0..1e-4).")]
+    Knobs of the voltmeter (recommended range): event-sensitivity (1..10), contrast-sensitivity \
+    (1..10), bright-leakage (0..1e-7), temporal-jitter (a factor), dark-noise-floor (0..1e-7), \
+    global-noise (0..1e-4).")]
 pub struct GenerateArgs {
     /// The session
     pub session: PathBuf,
@@ -148,8 +149,9 @@ impl ModelArgs {
     evrig calibrate sessions/street\n  \
     evrig calibrate sessions/street --objective emd --evaluations 120\n  \
     evrig generate sessions/street --k @calibrated --name tuned\n\n\
-    score: the predictive log score of the recorded events, nats per event. emd: the paper's normalised earth \
-    mover's distance of the points (t, x, y); it sees neither polarity nor number of events.")]
+    score: the predictive log score of the recorded events, nats per event. emd: the paper's \
+    normalised earth mover's distance of the points (t, x, y); it sees neither polarity nor \
+    number of events.")]
 pub struct CalibrateArgs {
     /// The session
     pub session: PathBuf,
@@ -195,7 +197,8 @@ pub enum CalibrateObjective {
     evrig compare sessions/street\n  \
     evrig compare sessions/street --stream aps --json\n  \
     evrig compare dataset --variants twelve      # writes dataset/comparison.html, .csv, .json\n\n\
-    Over a dataset each measure is the mean over its sessions, with the error of a bootstrap over them.")]
+    Over a dataset each measure is the mean over its sessions, with the error of a bootstrap over \
+    them.")]
 pub struct CompareArgs {
     /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,
@@ -235,10 +238,11 @@ pub struct CompareArgs {
 #[command(after_help = "Examples:\n  \
     evrig process sessions/street\n  \
     evrig process dataset --variants twelve --splits train=0.8,test=0.2 --split-by stimulus\n  \
-    evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 --sbatch=--partition=long\n  \
-    evrig process dataset --status\n\n\
+    evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 \
+    --sbatch=--partition=long\n  evrig process dataset --status\n\n\
     Runs every stage for which a session has the inputs and states which it left out and why.\n\
-    A stage whose inputs did not change is not run again. In a dataset, a folder of sessions, a failed\n\
+    A stage whose inputs did not change is not run again. In a dataset, a folder of sessions, a \
+    failed\n\
     session does not stop the others; exit code 3 when something was lost or failed.")]
 pub struct ProcessArgs {
     /// The session, or a dataset: a folder of sessions

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 /// Arguments of `evrig sync`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig sync sessions/street\n\n\
-    Estimates the map from the Pi's SensorTimestamp to Unix time and to the event timestamps, by every \
-    method that the session's clock readings and frames allow, and reports their disagreements. Where \
-    both cameras have a track (`evrig track`), their common motion refines the map.")]
+    Estimates the map from the Pi's SensorTimestamp to Unix time and to the event timestamps, by \
+    every method that the session's clock readings and frames allow, and reports their \
+    disagreements. Where both cameras have a track (`evrig track`), their common motion refines \
+    the map.")]
 pub struct SyncArgs {
     /// The session
     pub session: PathBuf,
@@ -43,9 +44,9 @@ pub struct TrackArgs {
 /// Arguments of `evrig scene`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig scene sessions/street\n\n\
-    Needs `evrig track` (raw and aps) and `evrig sync`. Reconstructs the target from the Pi's raw frames, the \
-    path of the cameras over it, and the pose of the event camera relative to the Pi camera; from these \
-    follows the log-intensity signal of each event pixel at any time.")]
+    Needs `evrig track` (raw and aps) and `evrig sync`. Reconstructs the target from the Pi's raw \
+    frames, the path of the cameras over it, and the pose of the event camera relative to the Pi \
+    camera; from these follows the log-intensity signal of each event pixel at any time.")]
 pub struct SceneArgs {
     /// The session
     pub session: PathBuf,

@@ -89,7 +89,8 @@ fn table(calibration: &Calibration) -> String {
     }
     let fit = &calibration.passages;
     text += &format!(
-        "{} passages; residuals are {:.2} times the model's variance, {:.1} % of them beyond half a threshold\n",
+        "{} passages; residuals are {:.2} times the model's variance, {:.1} % of them beyond half \
+         a threshold\n",
         fit.n_used,
         fit.variance_ratio,
         100.0 * fit.share_far

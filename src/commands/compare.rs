@@ -14,7 +14,8 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     }
     let is_on_slurm = args.engine.engine == Engine::Slurm;
     if args.variants.is_some() || args.rig.is_some() || is_on_slurm {
-        let what = "--variants, --rig and --engine belong to a dataset; of a session `evrig generate SESSION --variants LIST` makes them";
+        let what = "--variants, --rig and --engine belong to a dataset; of a session `evrig \
+            generate SESSION --variants LIST` makes them";
         return Err(WrongUse(what.into()).into());
     }
     let session = Session::open(&args.session)?;

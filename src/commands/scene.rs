@@ -30,9 +30,9 @@ pub(super) fn text(made: &SceneMade) -> String {
     let found = &facts.registration;
     let [seen, lost] = facts.n_frames;
     format!(
-        "{} x {} cells of {:.3} mm from {seen} frames ({lost} not on the path), rows {:.2} us apart\n  \
-         event camera: {:.3} px and {:.2} DN residual over {} frames, clocks {:.1} us +- {:.1} from those of the stage sync\n  \
-         it blurs the map by {:.3} px{}",
+        "{} x {} cells of {:.3} mm from {seen} frames ({lost} not on the path), rows {:.2} us \
+         apart\n  event camera: {:.3} px and {:.2} DN residual over {} frames, clocks {:.1} us +- \
+         {:.1} from those of the stage sync\n  it blurs the map by {:.3} px{}",
         facts.grid.width,
         facts.grid.height,
         facts.grid.cell_mm,

@@ -89,7 +89,8 @@ fn motion(clocks: &SessionClocks) -> String {
         Some(motion) => match (&motion.estimate, &motion.refused) {
             (_, Some(because)) => format!("motion: not used: {because}"),
             (Some(found), None) => format!(
-                "motion: corrects the map by {} us +- {} (standard error); the Pi's frames follow it",
+                "motion: corrects the map by {} us +- {} (standard error); the Pi's frames follow \
+                 it",
                 rounded(found.correction_us.value),
                 rounded(found.correction_us.standard_error)
             ),
@@ -103,13 +104,14 @@ fn late(late: &StreamDelay) -> String {
     let StreamDelay { stream, against, delay_us, refused } = late;
     match (delay_us, refused) {
         (Some(us), _) => format!(
-            "`{stream}` was exposed {} us +- {} later than its timestamps, which are those of `{against}`; \
-             corrected",
+            "`{stream}` was exposed {} us +- {} later than its timestamps, which are those of \
+             `{against}`; corrected",
             rounded(us.value),
             rounded(us.standard_error)
         ),
         (None, because) => format!(
-            "`{stream}` shares the stamps of `{against}` and is a frame late at least; not corrected: {}",
+            "`{stream}` shares the stamps of `{against}` and is a frame late at least; not \
+             corrected: {}",
             because.as_deref().unwrap_or("no estimate of the delay")
         ),
     }

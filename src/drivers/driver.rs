@@ -43,7 +43,8 @@ pub enum DriverError {
     Camera(#[from] RecorderError),
     /// A simulated camera without a simulated arm.
     #[error(
-        "rig: {key} = \"sim\" needs arm.port = \"sim\": a simulated camera sits on the simulated arm"
+        "rig: {key} = \"sim\" needs arm.port = \"sim\": a simulated camera sits on the simulated \
+         arm"
     )]
     NoSimulatedArm {
         /// The key of the rig file.

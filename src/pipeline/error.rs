@@ -97,7 +97,10 @@ pub enum PipelineError {
         source: CalibrateError,
     },
     /// Events cannot be compared.
-    #[error("comparing `{simulated}` with `{real}` in {session}: {source}", session = session.display())]
+    #[error(
+        "comparing `{simulated}` with `{real}` in {session}: {source}",
+        session = session.display()
+    )]
     Compare {
         /// The session.
         session: PathBuf,
@@ -134,7 +137,10 @@ pub enum PipelineError {
     #[error(transparent)]
     Write(#[from] WriteError),
     /// A result is not what its stage wrote.
-    #[error("{path}: not what its stage wrote: {source}; run that stage again with --force", path = path.display())]
+    #[error(
+        "{path}: not what its stage wrote: {source}; run that stage again with --force",
+        path = path.display()
+    )]
     Damaged {
         /// The result.
         path: PathBuf,

@@ -139,7 +139,8 @@ fn calibration(session: &Session, signal: &str) -> Result<Calibration, PipelineE
     read_calibration(session, &signal)?.ok_or_else(|| {
         let root = session.root().display();
         let what = format!(
-            "no calibrated constants for `{signal}`; run `evrig calibrate {root} --from {signal}` first"
+            "no calibrated constants for `{signal}`; run `evrig calibrate {root} --from {signal}` \
+             first"
         );
         missing(session, what)
     })

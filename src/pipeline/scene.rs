@@ -69,8 +69,8 @@ pub fn scene_streams(session: &Session) -> Result<[&str; 2], PipelineError> {
         (Some(raw), Some(aps)) => Ok([raw, aps]),
         (None, _) => Err(missing(session, "no raw frames of the Pi to map the target".into())),
         (_, None) => {
-            let what = "no frames of the event camera, without which nothing ties its pixels to the \
-                        map; record with APS frames on, or take `diagnose --baseline frames`";
+            let what = "no frames of the event camera, without which nothing ties its pixels to \
+                the map; record with APS frames on, or take `diagnose --baseline frames`";
             Err(missing(session, what.into()))
         }
     }

@@ -35,8 +35,8 @@ pub enum ProveError {
     },
     /// A folder of ready sessions holds none.
     #[error(
-        "{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json, as the example \
-         third_party_trials makes them", path.display()
+        "{}: no sealed session in it; expected sessions/NAME/seal.json and truth/NAME.json, as \
+         the example third_party_trials makes them", path.display()
     )]
     NoneReady {
         /// The folder.

@@ -13,7 +13,11 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum ProofFolderError {
     /// The folder holds another run.
-    #[error("{}: the folder holds a run already; resume it with --resume, or choose another folder with --out", path.display())]
+    #[error(
+        "{}: the folder holds a run already; resume it with --resume, or choose another folder \
+         with --out",
+        path.display()
+    )]
     Taken {
         /// The plan that is there.
         path: PathBuf,
@@ -25,7 +29,11 @@ pub enum ProofFolderError {
         path: PathBuf,
     },
     /// The folder holds a run with another plan.
-    #[error("{}: `{key}` is {there} in the folder and {here} in this call; a run is resumed only with its own plan", path.display())]
+    #[error(
+        "{}: `{key}` is {there} in the folder and {here} in this call; a run is resumed only with \
+         its own plan",
+        path.display()
+    )]
     OtherPlan {
         /// The plan that is there.
         path: PathBuf,

@@ -35,7 +35,10 @@ pub enum SealError {
         what: String,
     },
     /// The truth is not the one that was sealed.
-    #[error("{}: its SHA-256 is {found}, the sealed one is {sealed}; this trial does not count", path.display())]
+    #[error(
+        "{}: its SHA-256 is {found}, the sealed one is {sealed}; this trial does not count",
+        path.display()
+    )]
     Broken {
         /// The truth's file.
         path: PathBuf,

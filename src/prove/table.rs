@@ -98,7 +98,8 @@ fn confusion(page: &mut String, score: &ProofScore) {
 fn trials(page: &mut String, judgements: &[Judgement]) {
     line!(
         page,
-        "| trial | concealed (strength) | verdict | named | gain, nats per event | parameters: truth, found |"
+        "| trial | concealed (strength) | verdict | named | gain, nats per event | parameters: \
+         truth, found |"
     );
     line!(page, "| --- | --- | --- | --- | --- | --- |");
     for j in judgements {

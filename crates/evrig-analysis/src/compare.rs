@@ -154,7 +154,8 @@ pub enum CompareError {
     },
     /// Events lie on the grid.
     #[error(
-        "{stream} event {index} is at pixel ({x}, {y}), outside the grid of {size}; give both streams' own grid"
+        "{stream} event {index} is at pixel ({x}, {y}), outside the grid of {size}; give both \
+         streams' own grid"
     )]
     OutsideGrid {
         /// The stream.
@@ -170,7 +171,8 @@ pub enum CompareError {
     },
     /// The window must have a length that can be counted.
     #[error(
-        "the window [{start_us}, {end_us}) us is empty or too long; its end must lie after its start by less than 290,000 years"
+        "the window [{start_us}, {end_us}) us is empty or too long; its end must lie after its \
+         start by less than 290,000 years"
     )]
     BadWindow {
         /// Start.

@@ -41,7 +41,8 @@ const ENDING: Duration = Duration::from_secs(2);
 pub enum AgentError {
     /// Everyone on the network could listen in.
     #[error(
-        "{address} can be reached from outside: that needs keys; make them with `evrig pair` and give their directory as --keys, or listen at 127.0.0.1"
+        "{address} can be reached from outside: that needs keys; make them with `evrig pair` and \
+         give their directory as --keys, or listen at 127.0.0.1"
     )]
     NotLoopback {
         /// Where it was to listen.

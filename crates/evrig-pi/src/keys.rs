@@ -37,7 +37,11 @@ pub enum KeysError {
         source: io::Error,
     },
     /// A private key that others can read.
-    #[error("{} can be read by others (mode {mode:03o}, expected 600); run `chmod 600` on it, or better pair anew", path.display())]
+    #[error(
+        "{} can be read by others (mode {mode:03o}, expected 600); run `chmod 600` on it, or \
+         better pair anew",
+        path.display()
+    )]
     Open {
         /// The file.
         path: PathBuf,

@@ -188,7 +188,8 @@ fn check(settings: &CaptureSettings) -> Result<(), SourceError> {
     let size = settings.size;
     if !size.width.is_multiple_of(4) || !size.height.is_multiple_of(2) || size.n_pixels() == 0 {
         return Err(SourceError::new(format!(
-            "it takes images whose width is a multiple of 4 and height of 2, not {size}; correct pi.size_px"
+            "it takes images whose width is a multiple of 4 and height of 2, not {size}; correct \
+             pi.size_px"
         )));
     }
     if !(settings.raw || settings.rgb) {

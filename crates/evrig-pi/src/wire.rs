@@ -126,14 +126,18 @@ enum MessageHead {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// Something else listens there.
-    #[error("expected the first bytes of an evrig agent, found \"{}\"; is that the agent's port?", .found.escape_ascii())]
+    #[error(
+        "expected the first bytes of an evrig agent, found \"{}\"; is that the agent's port?",
+        .found.escape_ascii()
+    )]
     NotEvrig {
         /// The first bytes.
         found: Vec<u8>,
     },
     /// Another version.
     #[error(
-        "the other side speaks version {found} of the protocol, this evrig {VERSION}; install the same evrig on host and Pi"
+        "the other side speaks version {found} of the protocol, this evrig {VERSION}; install the \
+         same evrig on host and Pi"
     )]
     Version {
         /// Its version.
@@ -141,7 +145,8 @@ pub enum WireError {
     },
     /// A length beyond all measure.
     #[error(
-        "message {index}: {what} of {found} bytes, above the limit of {limit}; the connection is damaged"
+        "message {index}: {what} of {found} bytes, above the limit of {limit}; the connection is \
+         damaged"
     )]
     Oversize {
         /// Number of the message.

@@ -36,7 +36,10 @@ pub enum RunsError {
         path: PathBuf,
     },
     /// It is of something else.
-    #[error("{}: the series was begun with another {what}; use the same, or choose another --out", path.display())]
+    #[error(
+        "{}: the series was begun with another {what}; use the same, or choose another --out",
+        path.display()
+    )]
     Other {
         /// The list.
         path: PathBuf,

@@ -29,8 +29,8 @@ pub fn section(light: &str, calibration: &Calibration) -> Section {
     Section {
         title: format!("Calibration on “{light}”"),
         lead: format!(
-            "Constants k of the event model, fitted to the real events of {} pixels and evaluated by “{}” \
-             on {} held-out pixels. Selected: {}.",
+            "Constants k of the event model, fitted to the real events of {} pixels and evaluated \
+             by “{}” on {} held-out pixels. Selected: {}.",
             count(calibration.split.n_train_pixels as u64),
             calibration.objective,
             count(calibration.split.n_held_out_pixels as u64),
@@ -67,9 +67,10 @@ fn constants(calibration: &Calibration) -> ReportTable {
     };
     ReportTable {
         title: "Constants".into(),
-        caption: "With 95 % intervals. Passages: estimating equations over whole intervals between events, \
-                  unbiased under the model; regressions: the paper's procedure, whose bias the intervals do not \
-                  contain. Effects that the model lacks bias the noise constants."
+        caption: "With 95 % intervals. Passages: estimating equations over whole intervals \
+            between events, unbiased under the model; regressions: the paper's procedure, whose \
+            bias the intervals do not contain. Effects that the model lacks bias the noise \
+            constants."
             .into(),
         columns: vec![
             TableColumn::text("constant"),
@@ -94,8 +95,8 @@ fn candidates(calibration: &Calibration) -> ReportTable {
     };
     ReportTable {
         title: "Candidates".into(),
-        caption: "Less is better. “score” is minus the log-likelihood in nats per event, time in seconds; \
-                  “emd” is the paper's normalised transport distance."
+        caption: "Less is better. “score” is minus the log-likelihood in nats per event, time in \
+            seconds; “emd” is the paper's normalised transport distance."
             .into(),
         columns: vec![
             TableColumn::text("k from"),
@@ -184,8 +185,9 @@ fn histograms(regressions: &Regressions) -> Figure {
     };
     Figure {
         title: "Intervals and fitted first-passage distributions".into(),
-        caption: "The fullest bins of brightness and brightness change. A bin mixes pixels of different drift and \
-                  intervals that began at other brightness, so histograms are wider than a single distribution."
+        caption: "The fullest bins of brightness and brightness change. A bin mixes pixels of \
+            different drift and intervals that began at other brightness, so histograms are wider \
+            than a single distribution."
             .into(),
         legend: vec![
             LegendEntry::new(Ink::Real, LegendMark::Line, "intervals"),
@@ -293,7 +295,8 @@ fn drift_and_noise(regressions: &Regressions) -> Figure {
     let noise_line = line(&noise, &|x| k3 * x + k6);
     Figure {
         title: "Third regression, and the noise".into(),
-        caption: "Third: the drift of every bin against k1′c + k5 L + k4; points off the line are residuals. Noise: diffusion against √L/(L + k2); slope k3, intercept k6."
+        caption: "Third: the drift of every bin against k1′c + k5 L + k4; points off the line are \
+            residuals. Noise: diffusion against √L/(L + k2); slope k3, intercept k6."
             .into(),
         legend: vec![
             LegendEntry::new(Ink::Real, LegendMark::Dot, "bins"),

@@ -187,9 +187,10 @@ fn effects(effects: &[FittedEffect]) -> ReportTable {
     };
     ReportTable {
         title: "Effects".into(),
-        caption: "Each gain is on top of the effects above it. Parameters with 90 % intervals from the scatter \
-                  over cells, without model misfit. Competing hypotheses: their gain in the same position. Not \
-                  scored: measured in the frames, hence part of the signal, or over the whole sensor."
+        caption: "Each gain is on top of the effects above it. Parameters with 90 % intervals \
+            from the scatter over cells, without model misfit. Competing hypotheses: their gain \
+            in the same position. Not scored: measured in the frames, hence part of the signal, \
+            or over the whole sensor."
             .into(),
         columns: vec![
             TableColumn::text("effect"),
@@ -213,8 +214,9 @@ fn suspects(suspects: &[RejectedEffect]) -> ReportTable {
     };
     ReportTable {
         title: "Rejected effects".into(),
-        caption: "The nearest effects of the library, and the criterion each fails: a significant gain, constant \
-                  strength, and no residual difference between simulated and recorded events."
+        caption: "The nearest effects of the library, and the criterion each fails: a significant \
+            gain, constant strength, and no residual difference between simulated and recorded \
+            events."
             .into(),
         columns: vec![
             TableColumn::text("effect"),
@@ -270,8 +272,8 @@ fn wheres(title: &str, places: &[MisfitStratum]) -> ReportTable {
     };
     ReportTable {
         title: title.into(),
-        caption: "Gain of a recalibration of the model within the stratum, over all events; innovation: change of \
-                  the signal beyond the threshold, in thresholds."
+        caption: "Gain of a recalibration of the model within the stratum, over all events; \
+            innovation: change of the signal beyond the threshold, in thresholds."
             .into(),
         columns: vec![
             TableColumn::text("description"),
@@ -289,8 +291,8 @@ fn nuisances(diagnosis: &Diagnosis) -> ReportTable {
     let rows = diagnosis.nuisances.iter();
     ReportTable {
         title: "Nuisances".into(),
-        caption: "Nuisance parameters are always fitted and are not reported within their prior range; 90 % \
-                  intervals."
+        caption: "Nuisance parameters are always fitted and are not reported within their prior \
+            range; 90 % intervals."
             .into(),
         columns: vec![TableColumn::text("nuisance"), TableColumn::text("value")],
         rows: rows
@@ -316,8 +318,8 @@ fn proposed(term: &ProposedTerm) -> Figure {
     Figure {
         title: "Proposed term".into(),
         caption: format!(
-            "No effect of the library explains the residual. It depends on {x} and enters the {}: mean \
-             change of the signal beyond the threshold, with its 90 % band.",
+            "No effect of the library explains the residual. It depends on {x} and enters the {}: \
+             mean change of the signal beyond the threshold, with its 90 % band.",
             term.enters.replace('_', " ")
         ),
         legend: vec![LegendEntry::new(Ink::Real, LegendMark::Dot, "mean innovation")],

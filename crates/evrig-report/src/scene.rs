@@ -28,8 +28,9 @@ pub fn scene_section(scene: &Scene) -> Result<Section, PixelImageError> {
     ];
     Ok(Section {
         title: "Scene".into(),
-        lead: "Radiance of the target from the Pi's raw frames, the camera head's path over it, and the registration \
-               of the event camera. The log-intensity signal of the diagnosis is computed from these."
+        lead: "Radiance of the target from the Pi's raw frames, the camera head's path over it, \
+            and the registration of the event camera. The log-intensity signal of the diagnosis \
+            is computed from these."
             .into(),
         blocks,
     })
@@ -111,7 +112,8 @@ fn light(scene: &Scene) -> impl Iterator<Item = Fact> {
     let moving = scene.reconstruction.moving_illumination.as_ref().map(|moving| {
         let MovingIllumination { speed_mm_per_s, direction_deg, depth, .. } = moving;
         format!(
-            "a shadow of {} moves over the target at {speed_mm_per_s:.1} mm/s towards {direction_deg:.0}°",
+            "a shadow of {} moves over the target at {speed_mm_per_s:.1} mm/s towards \
+             {direction_deg:.0}°",
             percent(*depth)
         )
     });
@@ -165,9 +167,9 @@ fn maps(scene: &Scene) -> Result<Figure, PixelImageError> {
     };
     Ok(Figure {
         title: "Radiance of the target".into(),
-        caption: "Map from all raw frames of the Pi, black level subtracted and colours of the mosaic equalised, in \
-                  millimetres from the tag's middle; and its standard error by cell, from the residuals of \
-                  the frames. Empty: not covered by any frame."
+        caption: "Map from all raw frames of the Pi, black level subtracted and colours of the \
+            mosaic equalised, in millimetres from the tag's middle; and its standard error by \
+            cell, from the residuals of the frames. Empty: not covered by any frame."
             .into(),
         legend: vec![],
         panels: vec![
@@ -217,9 +219,9 @@ fn path(scene: &Scene) -> Figure {
     };
     Figure {
         title: "Registration of each frame to the map".into(),
-        caption: "Standard error of the head's position at each frame, along one axis, in pixels of the event camera; \
-                  and the residual of the frame relative to the frames' noise. Peaks are frames under other \
-                  light, blurred or misregistered."
+        caption: "Standard error of the head's position at each frame, along one axis, in pixels \
+            of the event camera; and the residual of the frame relative to the frames' noise. \
+            Peaks are frames under other light, blurred or misregistered."
             .into(),
         legend: vec![
             LegendEntry::new(Ink::Real, LegendMark::Line, "position error"),

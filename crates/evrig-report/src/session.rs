@@ -273,9 +273,9 @@ fn fits(comparison: &Comparison) -> ReportTable {
     };
     ReportTable {
         title: "First-passage distributions fitted to the intervals".into(),
-        caption: "Inverse Gaussian: mean and shape; Lévy: scale; and the log-likelihood gain of the inverse \
-                  Gaussian in nats per interval. Pixels differ, so the pooled sample is a mixture and a poor \
-                  fit does not exclude the distribution."
+        caption: "Inverse Gaussian: mean and shape; Lévy: scale; and the log-likelihood gain of \
+            the inverse Gaussian in nats per interval. Pixels differ, so the pooled sample is a \
+            mixture and a poor fit does not exclude the distribution."
             .into(),
         columns: vec![
             TableColumn::text("stream"),

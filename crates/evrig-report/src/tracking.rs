@@ -58,8 +58,8 @@ pub fn clock_section(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Sec
     }
     Section {
         title: "Clocks".into(),
-        lead: "Maps from the Pi's SensorTimestamp to Unix time and to the event stamps. All applicable methods \
-               were run; differences are at the middle of the session."
+        lead: "Maps from the Pi's SensorTimestamp to Unix time and to the event stamps. All \
+            applicable methods were run; differences are at the middle of the session."
             .into(),
         blocks,
     }
@@ -87,7 +87,8 @@ fn clock_facts(clocks: &SessionClocks) -> Vec<Fact> {
         let words = match (&motion.estimate, &motion.refused) {
             (_, Some(because)) => format!("not used: {because}"),
             (Some(found), None) => format!(
-                "corrects the map by {:.1} ± {:.1} µs (standard error; limit for this motion {:.1} µs)",
+                "corrects the map by {:.1} ± {:.1} µs (standard error; limit for this motion \
+                 {:.1} µs)",
                 found.correction_us.value, found.correction_us.standard_error, found.cramer_rao_us
             ),
             (None, None) => String::new(),
@@ -184,9 +185,9 @@ fn interval_figure(clocks: &SessionClocks, intervals: &[FrameInterval]) -> Figur
     let n = count(intervals.len() as u64);
     Figure {
         title: "Interval convergence".into(),
-        caption: "Time from each frame to the next by SensorTimestamp and by RealTime. The published method \
-                  takes the frame with the most similar intervals and their difference there as the offset; \
-                  it finds two equal latencies, not a small one."
+        caption: "Time from each frame to the next by SensorTimestamp and by RealTime. The \
+            published method takes the frame with the most similar intervals and their difference \
+            there as the offset; it finds two equal latencies, not a small one."
             .into(),
         legend: vec![
             LegendEntry::new(Ink::Real, LegendMark::Line, "SensorTimestamp"),
@@ -241,8 +242,8 @@ pub fn track_section(paths: &[ImagePath], facts: Vec<Fact>) -> Section {
     let names = names.join(", ");
     let figure = Figure {
         title: "Path of the target image".into(),
-        caption: "Middle of the tracked image relative to its mean, in image sides so that cameras of different scale \
-                  coincide, and the rotation of its bottom edge over time."
+        caption: "Middle of the tracked image relative to its mean, in image sides so that \
+            cameras of different scale coincide, and the rotation of its bottom edge over time."
             .into(),
         legend: paths
             .iter()

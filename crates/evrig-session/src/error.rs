@@ -70,7 +70,10 @@ pub enum SessionError {
         name: String,
     },
     /// The target of an import is taken.
-    #[error("{path} is there already and is not empty; choose another --out or remove it", path = path.display())]
+    #[error(
+        "{path} is there already and is not empty; choose another --out or remove it",
+        path = path.display()
+    )]
     OutputTaken {
         /// The directory.
         path: PathBuf,

@@ -268,7 +268,8 @@ impl Manifest {
         let schema = value.get("schema").and_then(|schema| schema.as_str()).unwrap_or("none");
         if ![SCHEMA, FORMER_SCHEMA].contains(&schema) {
             return Err(wrong(format!(
-                "schema is `{schema}`, this evrig reads `{SCHEMA}`; use the evrig that made it or a newer one"
+                "schema is `{schema}`, this evrig reads `{SCHEMA}`; use the evrig that made it or \
+                 a newer one"
             )));
         }
         let read: Self =

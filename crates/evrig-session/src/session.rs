@@ -21,7 +21,8 @@ impl Session {
             |what: &str| SessionError::NotASession { root: root.to_owned(), what: what.to_owned() };
         if root.is_file() {
             return Err(not_a_session(
-                "it is a file and a session is a directory; make one of a recording with `evrig import aedat4`",
+                "it is a file and a session is a directory; make one of a recording with `evrig \
+                 import aedat4`",
             ));
         }
         if !root.is_dir() {

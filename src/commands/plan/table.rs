@@ -106,8 +106,8 @@ fn views(f: &mut fmt::Formatter<'_>, plan: &Plan) -> fmt::Result {
     for view in &plan.views {
         write!(
             f,
-            "\n{} sees {:.2} px/mm, a tag of {:.1} px, up to {:.0} px/s; the whole tag {:.0} %, the whole \
-             target {:.0} % of the time",
+            "\n{} sees {:.2} px/mm, a tag of {:.1} px, up to {:.0} px/s; the whole tag {:.0} %, \
+             the whole target {:.0} % of the time",
             view.camera,
             view.pixels_per_mm,
             view.tag_side_px,

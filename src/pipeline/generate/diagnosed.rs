@@ -80,8 +80,8 @@ fn setting(session: &Session, by: &By) -> Result<CameraSetting, PipelineError> {
         By::Other(file, light) => {
             let camera = DiagnosedCamera::read(file)?;
             let none = || {
-                let what = "it has neither a scene nor frames on the events' pixel grid to generate from; \
-                            run `evrig scene`, or give --from";
+                let what = "it has neither a scene nor frames on the events' pixel grid to \
+                    generate from; run `evrig scene`, or give --from";
                 missing(session, what.into())
             };
             let baseline = light.clone().or_else(|| default_baseline(session)).ok_or_else(none)?;

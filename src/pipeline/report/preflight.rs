@@ -39,7 +39,8 @@ pub(super) fn section(session: &Session) -> Result<Option<Section>, PipelineErro
     Ok(Some(Section {
         title: "Preflight and devices".into(),
         lead: format!(
-            "Checks before the first motion, and the samples of each device. The recording ended: {}.",
+            "Checks before the first motion, and the samples of each device. The recording ended: \
+             {}.",
             recording.ended
         ),
         blocks,

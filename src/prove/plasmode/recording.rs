@@ -23,7 +23,10 @@ pub enum PlasmodeError {
     #[error(transparent)]
     Filter(#[from] FilterError),
     /// There is nothing to change.
-    #[error("{}: has no {what} with a stated size; an effect can be applied to events with frames", path.display())]
+    #[error(
+        "{}: has no {what} with a stated size; an effect can be applied to events with frames",
+        path.display()
+    )]
     Lacks {
         /// The recording.
         path: PathBuf,

@@ -27,7 +27,10 @@ pub enum ArmError {
     #[error("the arm may not drive this path: {0}")]
     BeyondLimit(Box<Margin>),
     /// Steps were started that were not prepared.
-    #[error("steps {}..{} were started, the prepared path has {n_steps}; prepare the path first", steps.start, steps.end)]
+    #[error(
+        "steps {}..{} were started, the prepared path has {n_steps}; prepare the path first",
+        steps.start, steps.end
+    )]
     NotPrepared {
         /// What was started.
         steps: Range<usize>,

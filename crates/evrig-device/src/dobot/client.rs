@@ -49,8 +49,8 @@ pub enum ArmClientError {
     },
     /// A command did not end in time.
     #[error(
-        "command {index} of the queue did not end within {waited} (the arm is at command {current}); \
-         check whether the arm is blocked"
+        "command {index} of the queue did not end within {waited} (the arm is at command \
+         {current}); check whether the arm is blocked"
     )]
     Late {
         /// Which.

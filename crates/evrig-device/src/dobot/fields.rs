@@ -6,7 +6,10 @@ use super::id;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// The parameters end too early.
-    #[error("command {} has {found} parameter bytes, too few for it: {needed} were needed", named(*id))]
+    #[error(
+        "command {} has {found} parameter bytes, too few for it: {needed} were needed",
+        named(*id)
+    )]
     Short {
         /// The command.
         id: u8,

@@ -27,7 +27,8 @@ pub struct Exchange {
 pub enum LinkError {
     /// Nothing that answers it came in time.
     #[error(
-        "the arm did not answer `{request}` within {waited} ({} bytes came that were no answer); {}",
+        "the arm did not answer `{request}` within {waited} ({} bytes came that were no answer); \
+         {}",
         n_noise, silence_remedy(*n_noise)
     )]
     Silent {

@@ -36,7 +36,10 @@ pub enum PortError {
         group: String,
     },
     /// Another program has it.
-    #[error("{} is in use by another program; close DobotStudio, DobotLink or the other evrig", path.display())]
+    #[error(
+        "{} is in use by another program; close DobotStudio, DobotLink or the other evrig",
+        path.display()
+    )]
     Busy {
         /// The port.
         path: PathBuf,

@@ -68,7 +68,8 @@ pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
         Some(way) => Finding::doubt(
             "network",
             format!(
-                "{description}; set pi.rgb_delivery = \"{}\" and pi.coding = \"{}\", or what does not fit waits in the Pi's spool",
+                "{description}; set pi.rgb_delivery = \"{}\" and pi.coding = \"{}\", or what does \
+                 not fit waits in the Pi's spool",
                 way.rgb, way.coding
             ),
         ),
@@ -78,7 +79,8 @@ pub(super) fn finding(order: &CaptureOrder, link: BytesPerSecond) -> Finding {
             Finding::doubt(
                 "network",
                 format!(
-                    "{description}; no delivery fits: use a wire, lower pi.frame_rate_hz to {rate:.0} or less, or give the agent a --spool for the whole take"
+                    "{description}; no delivery fits: use a wire, lower pi.frame_rate_hz to \
+                     {rate:.0} or less, or give the agent a --spool for the whole take"
                 ),
             )
         }

@@ -140,7 +140,8 @@ impl AgentConnection {
         while n < PREAMBLE_BYTES {
             match self.socket.read(&mut preamble[n..]) {
                 Ok(0) => {
-                    let because = "it closed the connection before its first word; too many failed tries, or keys of another pair";
+                    let because = "it closed the connection before its first word; too many \
+                        failed tries, or keys of another pair";
                     return Err(self.agent.failed(because));
                 }
                 Ok(read) => n += read,
@@ -270,7 +271,8 @@ fn connect(agent: &AgentAddress, patience: Duration) -> Result<TcpStream, Record
     for target in &resolved {
         if matches!(agent, AgentAddress::Local { .. }) && !target.ip().is_loopback() {
             let because = format!(
-                "{target} is another machine, and tcp:// is not encrypted; use tls:// with the keys of `evrig pair`"
+                "{target} is another machine, and tcp:// is not encrypted; use tls:// with the \
+                 keys of `evrig pair`"
             );
             return Err(fail(because));
         }

@@ -36,7 +36,8 @@ const STATE_TIMEOUT: Duration = Duration::from_secs(20);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
 /// The page may load from here and do nothing else.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; \
-    img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+    img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors \
+    'none'";
 /// Set by the page's own script only: another page's request with it needs our consent first.
 const SCRIPT_HEADER: HeaderName = HeaderName::from_static("x-evrig");
 

@@ -43,7 +43,8 @@ impl RawFormat {
         match (packing, bayer) {
             (Some(packing), Some(bayer)) => Ok(Self { packing, bayer: bayer.to_owned() }),
             _ => Err(SourceError::new(format!(
-                "the raw format {name} is unknown; expected 10 bits such as SRGGB10, SRGGB10_CSI2P, or SRGGB16 of a Pi 5"
+                "the raw format {name} is unknown; expected 10 bits such as SRGGB10, \
+                 SRGGB10_CSI2P, or SRGGB16 of a Pi 5"
             ))),
         }
     }

@@ -220,7 +220,8 @@ fn read_packet(pipe: &mut impl Read) -> Result<Option<HelperPacket>, String> {
     let n_images = u32::from_le_bytes([e, f, g, h]) as usize;
     if n_head > MAX_HEAD_BYTES || n_images > MAX_IMAGE_BYTES {
         return Err(format!(
-            "its helper announces a header of {n_head} and images of {n_images} bytes; at most {MAX_HEAD_BYTES} and {MAX_IMAGE_BYTES} are expected"
+            "its helper announces a header of {n_head} and images of {n_images} bytes; at most \
+             {MAX_HEAD_BYTES} and {MAX_IMAGE_BYTES} are expected"
         ));
     }
     let (mut head, mut images) = (vec![0; n_head], vec![0; n_images]);

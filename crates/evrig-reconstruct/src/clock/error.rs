@@ -16,8 +16,9 @@ pub enum ClockError {
     },
     /// The sensor's clock runs backwards too often for a few lost frames.
     #[error(
-        "SensorTimestamp goes back at frame {frame} (from {before_ns} to {after_ns} ns), and {n_bad} of \
-         {n} frames are out of order: split the recording where the camera or the Pi was restarted"
+        "SensorTimestamp goes back at frame {frame} (from {before_ns} to {after_ns} ns), and \
+         {n_bad} of {n} frames are out of order: split the recording where the camera or the Pi \
+         was restarted"
     )]
     SensorOrder {
         /// Index of the first frame whose stamp is not after the one before it.
@@ -52,7 +53,8 @@ pub enum ClockError {
     },
     /// No two-sided reading is usable.
     #[error(
-        "no usable clock reading ({n_seen} seen, {n_reversed} with the second stamp before the first)"
+        "no usable clock reading ({n_seen} seen, {n_reversed} with the second stamp before the \
+         first)"
     )]
     NoReadings {
         /// Readings seen.
@@ -84,8 +86,8 @@ pub enum ClockError {
     },
     /// The tracks move too little, or differently.
     #[error(
-        "the tracks fix the offset only to ±{error}, no better than the search of ±{search}: the tag \
-         moves too little, or the tracks do not show one motion"
+        "the tracks fix the offset only to ±{error}, no better than the search of ±{search}: the \
+         tag moves too little, or the tracks do not show one motion"
     )]
     WeakMotion {
         /// Half width of the offset's 95 % interval.
@@ -106,7 +108,8 @@ pub enum ClockError {
     },
     /// The fit left the search range.
     #[error(
-        "the offset left the search range of ±{search}: widen it, or check that both tracks show one motion"
+        "the offset left the search range of ±{search}: widen it, or check that both tracks show \
+         one motion"
     )]
     OutOfRange {
         /// Half width of the search.

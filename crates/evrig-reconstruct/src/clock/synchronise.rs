@@ -238,9 +238,9 @@ fn rejection(found: &MotionEstimate<Davis, PiSensor>, n: [usize; 2]) -> Option<S
     let [davis, pi] = left_out.map(|share| 1e2 * share);
     (has_large_residuals || !is_plausible_rate || has_many_outliers).then(|| {
         format!(
-            "the residuals are {:.1} times the stated errors and {:.1} % of the motion, {davis:.0} and \
-             {pi:.0} % of the samples are outliers, and the clocks would differ by {skew_ppm:.0} ppm: the \
-             tracks do not show one motion",
+            "the residuals are {:.1} times the stated errors and {:.1} % of the motion, \
+             {davis:.0} and {pi:.0} % of the samples are outliers, and the clocks would differ by \
+             {skew_ppm:.0} ppm: the tracks do not show one motion",
             found.chi2_per_dof.sqrt(),
             1e2 * found.unexplained.sqrt(),
         )
@@ -343,8 +343,8 @@ fn events_clock(arrivals: &[FramePair<Unix, Davis>]) -> EventsClock {
                 )
             } else {
                 let reason = format!(
-                    "the stamps are not the host's Unix time: the fastest packets arrive {late} after \
-                     them; mapped by their arrivals, with an unknown transport delay"
+                    "the stamps are not the host's Unix time: the fastest packets arrive {late} \
+                     after them; mapped by their arrivals, with an unknown transport delay"
                 );
                 (false, segment.map, reason)
             }

@@ -131,8 +131,8 @@ pub enum TrackTimeError {
     },
     /// In a gap.
     #[error(
-        "no detection of the tag from {from_us} to {to_us} us, longer than the maximum gap of {limit}; \
-         the track has no pose at {at_us} us"
+        "no detection of the tag from {from_us} to {to_us} us, longer than the maximum gap of \
+         {limit}; the track has no pose at {at_us} us"
     )]
     TrackGap {
         /// The requested time.

@@ -15,7 +15,8 @@ pub enum SceneError {
     },
     /// The tag's track covers too few frames.
     #[error(
-        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the target"
+        "the tag was tracked in {found} of {n} Pi frames; at least {needed} are needed to map the \
+         target"
     )]
     TooFewFrames {
         /// Frames covered by the tag's track.
@@ -27,12 +28,14 @@ pub enum SceneError {
     },
     /// The target has no texture to align to.
     #[error(
-        "the map of the target has no texture to align to: check that the target is in view and in focus"
+        "the map of the target has no texture to align to: check that the target is in view and \
+         in focus"
     )]
     NoTexture,
     /// The map exceeds the largest supported size.
     #[error(
-        "the map of the target would have {cells} cells, the limit is {limit}: check the track of the tag"
+        "the map of the target would have {cells} cells, the limit is {limit}: check the track of \
+         the tag"
     )]
     TooLarge {
         /// Cells needed.
@@ -54,8 +57,9 @@ pub enum SceneError {
     },
     /// The event camera's frames do not match the map.
     #[error(
-        "the DAVIS frames are displaced {residual_px:.1} px from the map of the target (root mean square; at most \
-         {max_px} px): check the clocks (`evrig sync`) and the camera mounts in the rig description"
+        "the DAVIS frames are displaced {residual_px:.1} px from the map of the target (root mean \
+         square; at most {max_px} px): check the clocks (`evrig sync`) and the camera mounts in \
+         the rig description"
     )]
     OffTheMap {
         /// Root-mean-square displacement, pixels.

@@ -23,7 +23,8 @@ pub enum FramesError {
     },
     /// Frames must ascend in time and share one size.
     #[error(
-        "frame {index} at {t_us} us is {size}; expected a later time than {before_us} us and {expected}"
+        "frame {index} at {t_us} us is {size}; expected a later time than {before_us} us and \
+         {expected}"
     )]
     Order {
         /// Index of the frame, from 0.

@@ -73,7 +73,11 @@ pub struct RecordOutcome {
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// A check failed; nothing moved, no file was made.
-    #[error("not ready: {}", .0.iter().map(|f| format!("{}: {}", f.subject, f.description)).collect::<Vec<_>>().join("; "))]
+    #[error(
+        "not ready: {}",
+        .0.iter().map(|f| format!("{}: \
+            {}", f.subject, f.description)).collect::<Vec<_>>().join("; ")
+    )]
     NotReady(Vec<Finding>),
     /// The files cannot be made or sealed.
     #[error(transparent)]

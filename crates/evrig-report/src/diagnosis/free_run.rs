@@ -57,8 +57,9 @@ fn measures(run: &ForwardSimulation, is_corrected: bool) -> ReportTable {
     ReportTable {
         title: "Forward simulation".into(),
         caption: format!(
-            "Events generated from the same signal without recorded events, compared with the camera: \
-             {w} by {h} pixels from column {x}, row {y}. Nearly all of these pixels were in no fit."
+            "Events generated from the same signal without recorded events, compared with the \
+             camera: {w} by {h} pixels from column {x}, row {y}. Nearly all of these pixels were \
+             in no fit."
         ),
         columns,
         rows: MEASURES.iter().filter_map(row).collect(),
@@ -107,8 +108,8 @@ fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {
     Figure {
         title: "Time between events of one pixel".into(),
         caption:
-            "Eight bins per decade. A gap at short intervals indicates a refractory period, a second peak \
-                  lost events."
+            "Eight bins per decade. A gap at short intervals indicates a refractory period, a \
+             second peak lost events."
                 .into(),
         legend: inks
             .iter()

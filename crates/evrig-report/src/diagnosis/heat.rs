@@ -55,8 +55,8 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
         HeatValue::Surplus => (
             8.0,
             "(real - expected) / sqrt(expected) events",
-            "Orange: more events than the model predicts given the past; blue: fewer. Values within ±3 are \
-             not significant.",
+            "Orange: more events than the model predicts given the past; blue: fewer. Values \
+             within ±3 are not significant.",
         ),
         HeatValue::Innovation => (
             0.3,

@@ -35,8 +35,9 @@ pub fn figure(clouds: &Clouds<'_>) -> Figure {
     Figure {
         title: "Events in space and time".to_owned(),
         caption: format!(
-            "{thinned}A moving edge is a tilted sheet: its slope is the speed, its thickness the spread of latencies. \
-             Sheets at regular times in the simulation only are artefacts of the frames."
+            "{thinned}A moving edge is a tilted sheet: its slope is the speed, its thickness the \
+             spread of latencies. Sheets at regular times in the simulation only are artefacts of \
+             the frames."
         ),
         legend: legend(),
         panels,

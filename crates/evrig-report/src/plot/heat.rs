@@ -33,8 +33,8 @@ pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     let both = [("Real".to_owned(), maps.real), ("Simulated".to_owned(), maps.simulated)];
     Ok(Figure {
         title: "Events per pixel".to_owned(),
-        caption: "Both maps share one colour scale. Compare the same edges, then regions without edges: counts there \
-                  are noise, and single bright pixels are hot pixels."
+        caption: "Both maps share one colour scale. Compare the same edges, then regions without \
+            edges: counts there are noise, and single bright pixels are hot pixels."
             .to_owned(),
         legend: vec![],
         panels: counts_panels(maps.size, &both)?,
@@ -70,7 +70,8 @@ pub fn counts_panels(size: Size, maps: &[(String, &[u32])]) -> Result<Vec<Panel>
             title: title.clone(),
             note: format!("{} events", count(total)),
             alt: format!(
-                "Map of {} events per pixel: {} events in total, {active:.1} % of the pixels active.",
+                "Map of {} events per pixel: {} events in total, {active:.1} % of the pixels \
+                 active.",
                 title.to_lowercase(),
                 count(total)
             ),

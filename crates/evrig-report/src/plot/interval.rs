@@ -52,16 +52,18 @@ pub fn figure(edges_us: &[f64], real: &IntervalPlot<'_>, simulated: &IntervalPlo
     }
     Figure {
         title: "Time between a pixel's events".to_owned(),
-        caption: "Density of the intervals between consecutive events of one pixel; bands are 90\u{a0}% intervals. \
-                  A sharp lower edge in the real events only indicates a refractory period, a peak at the frame \
-                  interval an interpolation artefact, and a missing tail missing noise."
+        caption: "Density of the intervals between consecutive events of one pixel; bands are \
+            90\u{a0}% intervals. A sharp lower edge in the real events only indicates a \
+            refractory period, a peak at the frame interval an interpolation artefact, and a \
+            missing tail missing noise."
             .to_owned(),
         legend,
         panels: vec![Panel {
             title: "Interval density".to_owned(),
             note: format!("median: real {median_real} µs, simulated {median_sim} µs"),
             alt: format!(
-                "Densities of the intervals between events on logarithmic axes; median {median_real} µs real, {median_sim} µs simulated."
+                "Densities of the intervals between events on logarithmic axes; median \
+                 {median_real} µs real, {median_sim} µs simulated."
             ),
             drawing: Chart { x, y, layers }.draw_wide(),
         }],

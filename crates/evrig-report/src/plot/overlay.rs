@@ -54,7 +54,8 @@ pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PixelImageError> {
             title: title.to_owned(),
             note: format!("{on} ON, {off} OFF"),
             alt: format!(
-                "{title} events over the frame in the {window_ms:.1} ms from {start_s:.3} s: {on} ON and {off} OFF."
+                "{title} events over the frame in the {window_ms:.1} ms from {start_s:.3} s: {on} \
+                 ON and {off} OFF."
             ),
             drawing: Drawing::single(image_panel::draw(&image, None, overlay.size, None)?),
         })

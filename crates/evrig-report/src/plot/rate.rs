@@ -30,7 +30,8 @@ pub fn figure(centres_s: &[f64], on: &RatePlot<'_>, off: &RatePlot<'_>) -> Figur
             title: format!("{name} events"),
             note: format!("mean: real {real}, simulated {simulated}"),
             alt: format!(
-                "{name} rate over time: real {real}, simulated {simulated} events per second and pixel on average."
+                "{name} rate over time: real {real}, simulated {simulated} events per second and \
+                 pixel on average."
             ),
             drawing: chart.draw_wide(),
         }
@@ -38,8 +39,8 @@ pub fn figure(centres_s: &[f64], on: &RatePlot<'_>, off: &RatePlot<'_>) -> Figur
     Figure {
         title: "Rate over time".to_owned(),
         caption: "Events per second and pixel; bands are 90\u{a0}% intervals. \
-                  Shifted peaks indicate latency, a high floor noise or leak, truncated peaks a refractory period, \
-                  limited bandwidth or readout saturation."
+                  Shifted peaks indicate latency, a high floor noise or leak, truncated peaks a \
+                  refractory period, limited bandwidth or readout saturation."
             .to_owned(),
         legend: vec![
             LegendEntry::new(Ink::Real, LegendMark::Line, "real"),

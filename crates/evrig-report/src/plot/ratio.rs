@@ -33,17 +33,19 @@ pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     Ok(Figure {
         title: "Ratio of event counts".to_owned(),
         caption: format!(
-            "Simulated over real events. Orange: too many simulated events; blue: too few; background colour: \
-             equal. Cells are 1 to {LARGEST_CELL} pixels wide with about {EVENTS_PER_CELL} events or more. The ratio is at least 2 on {too_many} % of the \
-             area and at most 1/2 on {too_few} %. Differences along edges indicate contrast or bandwidth, on one side of edges \
-             polarity, elsewhere noise or leak."
+            "Simulated over real events. Orange: too many simulated events; blue: too few; \
+             background colour: equal. Cells are 1 to {LARGEST_CELL} pixels wide with about \
+             {EVENTS_PER_CELL} events or more. The ratio is at least 2 on {too_many} % of the \
+             area and at most 1/2 on {too_few} %. Differences along edges indicate contrast or \
+             bandwidth, on one side of edges polarity, elsewhere noise or leak."
         ),
         legend: vec![],
         panels: vec![Panel {
             title: "Simulated / real".to_owned(),
             note: String::new(),
             alt: format!(
-                "Map of the ratio of simulated to real events: at least twice as many on {too_many} % of the area, at most half as many on {too_few} %."
+                "Map of the ratio of simulated to real events: at least twice as many on \
+                 {too_many} % of the area, at most half as many on {too_few} %."
             ),
             drawing: Drawing::single(image_panel::draw(
                 &light,

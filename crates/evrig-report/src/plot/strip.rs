@@ -20,9 +20,9 @@ pub fn departures_figure(measures: &[MeasureRow]) -> Figure {
         .collect();
     Figure {
         title: "Similarity of real and simulated events".to_owned(),
-        caption: "Measures with 90\u{a0}% intervals, in healthy tolerances: 0 is identical, the shaded range is healthy; \
-                  ratios are on a log scale, distances are positive. Filled circle: healthy; ring: borderline; \
-                  diamond: outside."
+        caption: "Measures with 90\u{a0}% intervals, in healthy tolerances: 0 is identical, the \
+            shaded range is healthy; ratios are on a log scale, distances are positive. Filled \
+            circle: healthy; ring: borderline; diamond: outside."
             .to_owned(),
         legend: vec![],
         panels: vec![Panel {

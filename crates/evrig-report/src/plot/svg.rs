@@ -168,7 +168,8 @@ impl Canvas {
     /// An image given as a data URI, stretched to the area.
     pub fn image(&mut self, class: &str, area: Area, data_uri: &str) {
         self.put(format_args!(
-            "<image class=\"{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" href=\"{}\"/>",
+            "<image class=\"{}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" \
+             preserveAspectRatio=\"none\" href=\"{}\"/>",
             escape(class),
             length(area.x),
             length(area.y),
@@ -181,7 +182,8 @@ impl Canvas {
     /// Stores the scales of the plotting area for the page's pointer read-out.
     pub fn read_out(&mut self, area: Area, x: &str, y: &str) {
         self.put(format_args!(
-            "<rect class=\"pad\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" data-x=\"{}\" data-y=\"{}\"/>",
+            "<rect class=\"pad\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" data-x=\"{}\" \
+             data-y=\"{}\"/>",
             length(area.x),
             length(area.y),
             length(area.w),

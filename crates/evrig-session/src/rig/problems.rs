@@ -37,7 +37,10 @@ pub enum DescriptionError {
         limit: u64,
     },
     /// Neither a file nor the name of a description that the program carries.
-    #[error("there is no {what} `{name}`: neither a file nor one of {}{}", known.join(", "), hint(name, known))]
+    #[error(
+        "there is no {what} `{name}`: neither a file nor one of {}{}",
+        known.join(", "), hint(name, known)
+    )]
     UnknownName {
         /// Rig or trajectory.
         what: &'static str,

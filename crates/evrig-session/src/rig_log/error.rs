@@ -22,7 +22,10 @@ pub enum RigLogError {
         source: std::io::Error,
     },
     /// Writing failed.
-    #[error("{}: writing message {message} failed: {}; what was written before can be read", path.display(), reason(source))]
+    #[error(
+        "{}: writing message {message} failed: {}; what was written before can be read",
+        path.display(), reason(source)
+    )]
     Write {
         /// The file.
         path: PathBuf,
@@ -42,7 +45,11 @@ pub enum RigLogError {
         because: String,
     },
     /// A message is not of its topic's schema.
-    #[error("{}: message {message} of those read, on {topic}: {because}; `evrig verify` tests whether the file is as it was sealed", path.display())]
+    #[error(
+        "{}: message {message} of those read, on {topic}: {because}; `evrig verify` tests whether \
+         the file is as it was sealed",
+        path.display()
+    )]
     Malformed {
         /// The file.
         path: PathBuf,

@@ -555,7 +555,8 @@ mod tests {
         ) {
             let text = format!(
                 "{}[[segment]]\nkind = 'line'\nlabel = 'l'\nby_mm = [{by}, 3]\nturn_deg = {turn}\n\
-                 [[segment]]\nkind = 'arc'\nlabel = 'a'\nradius_mm = {radius}\nsweep_deg = {sweep}\n\
+                 [[segment]]\nkind = 'arc'\nlabel = 'a'\nradius_mm = {radius}\nsweep_deg = \
+                 {sweep}\n\
                  direction = 'anticlockwise'\nstart_deg = {start}\nspeed_mm_per_s = {speed}\n\
                  [[segment]]\nkind = 'lissajous'\nlabel = 'e'\namplitude_mm = [{radius}, 3]\n\
                  cycles = [2, 3]\nphase_deg = {start}\nturns = 1\n\

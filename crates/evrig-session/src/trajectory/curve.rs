@@ -363,7 +363,8 @@ mod tests {
             let nearest = (0..=20_000)
                 .map(|i| arc.pose_at(f64::from(i) / 20_000.0).distance(via).0)
                 .fold(f64::INFINITY, f64::min);
-            prop_assert!(nearest <= arc.length().0 / 20_000.0, "the arc misses its middle point by {nearest}");
+            prop_assert!(nearest <= arc.length().0 / 20_000.0, "the arc misses its middle point \
+                by {nearest}");
             let (h, slope) = (1e-6, arc.slope_at(part));
             let ahead = arc.pose_at((part + h).min(1.0)).to_mm_deg();
             let behind = arc.pose_at((part - h).max(0.0)).to_mm_deg();

@@ -138,7 +138,8 @@ mod tests {
     #[test]
     fn mistakes_in_several_segments_are_named_with_their_lines() {
         let text = format!(
-            "{CIRCLE}\n[[segment]]\nkind = \"cirle\"\nduration_s = 1\n\n[[segment]]\nkind = \"repeat\"\n\
+            "{CIRCLE}\n[[segment]]\nkind = \"cirle\"\nduration_s = 1\n\n[[segment]]\nkind \
+             = \"repeat\"\n\
              of = [\"circel\"]\ntimes = 0\nspeed_mm_s = 3\n"
         );
         let error = Trajectory::parse("mine.toml", &text).unwrap_err();

@@ -50,7 +50,8 @@ pub(super) fn stream_sizes(path: &ToolPath, rig: &Rig) -> Vec<StreamSize> {
             stream: "events",
             bytes: (n_events * BYTES_PER_EVENT) as u64,
             basis: format!(
-                "a budget of {:.1} M events/s while moving, {:.1} M at rest, {BYTES_PER_EVENT} bytes each",
+                "a budget of {:.1} M events/s while moving, {:.1} M at rest, {BYTES_PER_EVENT} \
+                 bytes each",
                 MOVING_EVENTS_PER_S * 1e-6,
                 RESTING_EVENTS_PER_S * 1e-6
             ),

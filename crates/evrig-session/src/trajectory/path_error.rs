@@ -19,8 +19,8 @@ pub enum PathError {
     },
     /// A way backwards that does not begin here.
     #[error(
-        "segment `{segment}` runs `{of}` backwards, which must begin where that ended ({expected}), \
-         but the tool is {away:.2} away ({got})"
+        "segment `{segment}` runs `{of}` backwards, which must begin where that ended \
+         ({expected}), but the tool is {away:.2} away ({got})"
     )]
     NotAtEnd {
         /// Its label.
@@ -52,8 +52,8 @@ pub enum PathError {
     },
     /// An exposure that a frame has no time for.
     #[error(
-        "segment `{segment}`: the {camera}'s exposure of {exposure} is longer than a frame's {period}; \
-         lower exposure_scale, or frame_rate_hz in the rig"
+        "segment `{segment}`: the {camera}'s exposure of {exposure} is longer than a frame's \
+         {period}; lower exposure_scale, or frame_rate_hz in the rig"
     )]
     Exposure {
         /// Its label.

@@ -45,7 +45,8 @@ pub(super) fn remarks(path: &ToolPath, rig: &Rig, views: &[TargetVisibility]) ->
     let n_prompts = path.steps().iter().filter(|step| step.settings.prompt.is_some()).count();
     if n_prompts > 0 {
         remarks.push(format!(
-            "{n_prompts} motions wait for the operator; --without-optional leaves out the optional ones"
+            "{n_prompts} motions wait for the operator; --without-optional leaves out the \
+             optional ones"
         ));
     }
     remarks

@@ -55,7 +55,8 @@ pub struct Fault {
 /// A fault that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{text}` is not a fault: {because}; expected KIND[=VALUE][@N | @NAME[#N]] with KIND one of {KINDS}"
+    "`{text}` is not a fault: {because}; expected KIND[=VALUE][@N | @NAME[#N]] with KIND one of \
+     {KINDS}"
 )]
 pub struct FaultError {
     text: String,

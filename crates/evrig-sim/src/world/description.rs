@@ -233,7 +233,8 @@ mod tests {
 
     #[test]
     fn a_world_can_be_sealed_as_text_and_read_back() {
-        let text = "[print]\npicture = \"leaves-7\"\n[effects]\nrefractory_period = { refractory_us = 812.5 }\n";
+        let text = "[print]\npicture = \"leaves-7\"\n[effects]\nrefractory_period = \
+            { refractory_us = 812.5 }\n";
         let world = WorldDescription::parse("w.toml", text).unwrap();
         let sealed = world.to_toml().unwrap();
         assert_eq!(WorldDescription::parse("sealed", &sealed).unwrap(), world);

@@ -23,7 +23,8 @@ pub enum WorldError {
     },
     /// The name of the target image is unknown.
     #[error(
-        "`{got}` is no target image; expected leaves-SEED, plain, stripes-PERIOD_MM-ANGLE_DEG or file:PATH"
+        "`{got}` is no target image; expected leaves-SEED, plain, stripes-PERIOD_MM-ANGLE_DEG or \
+         file:PATH"
     )]
     UnknownImage {
         /// What was asked for.
@@ -49,7 +50,8 @@ pub enum WorldError {
     },
     /// The target is not in front of the camera.
     #[error(
-        "the {camera} does not face the target at the beginning of the path (tool at {tool}): check mount.{camera}.axis and target.centre_mm"
+        "the {camera} does not face the target at the beginning of the path (tool at {tool}): \
+         check mount.{camera}.axis and target.centre_mm"
     )]
     LooksAway {
         /// Which.
@@ -59,7 +61,8 @@ pub enum WorldError {
     },
     /// The target needs too many samples for this lens.
     #[error(
-        "the target would need {pixels} samples for the {camera}, more than {limit}: check focal_length_mm, pixel_pitch_um and the target's size"
+        "the target would need {pixels} samples for the {camera}, more than {limit}: check \
+         focal_length_mm, pixel_pitch_um and the target's size"
     )]
     TooFine {
         /// Which.

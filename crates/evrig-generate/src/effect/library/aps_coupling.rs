@@ -11,7 +11,8 @@ use evrig_core::event::{Event, Events};
 
 effect! {
     /// Events at a fixed time after each start of exposure.
-    ApsCoupling, Readout, "n extra events at t_start + delay + y T_row in pixels at random, sides at random" {
+    ApsCoupling, Readout, "n extra events at t_start + delay + y T_row in pixels at random, sides \
+        at random" {
         /// Share of all events that the frames make.
         events_fraction: 0.0 to 0.95,
         /// From the start of exposure, µs.

@@ -11,7 +11,8 @@ use crate::effect::pixel_site::{PixelSite, RecordingContext, SiteSignal};
 
 effect! {
     /// Noise of that size is smoothed out of the frames.
-    FrameNoise, Frames, "x_true = x + w (x_before - 2 x + x_after)/3, w = min(1, 6 (sigma/L)^2 / second difference squared)" {
+    FrameNoise, Frames, "x_true = x + w (x_before - 2 x + x_after)/3, w = min(1, 6 (sigma/L)^2 / \
+        second difference squared)" {
         /// Standard deviation of a pixel in a frame beyond the stated one, digital units.
         sigma_dn: 0.0 to 1e4,
     }

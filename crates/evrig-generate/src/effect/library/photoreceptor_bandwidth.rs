@@ -10,7 +10,8 @@ use crate::effect::pixel_site::{PixelSite, SiteSignal};
 
 effect! {
     /// Poles whose cut-off is proportional to light.
-    PhotoreceptorBandwidth, Photoreceptor, "tau(I) dy/dt = ln I - y, tau = 1/(2 pi f_white I), I over white" {
+    PhotoreceptorBandwidth, Photoreceptor, "tau(I) dy/dt = ln I - y, tau = 1/(2 pi f_white I), I \
+        over white" {
         /// Cut-off (-3 dB) of each pole on white paper, Hz.
         cutoff_hz_at_white: 0.1 to 1e6,
         /// Number of equal poles, 1 to 4; rounded.

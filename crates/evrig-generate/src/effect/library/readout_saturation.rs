@@ -10,7 +10,8 @@ use evrig_core::event::Events;
 
 effect! {
     /// A queue with one server.
-    ReadoutSaturation, Readout, "t_out = max(t_request, t_out of the one before) + 1/R; one request a pixel" {
+    ReadoutSaturation, Readout, "t_out = max(t_request, t_out of the one before) + 1/R; one \
+        request a pixel" {
         /// Most events a second of the whole camera.
         max_events_per_s: 1.0 to 1e9,
     }

@@ -12,7 +12,8 @@ use evrig_core::effect_id::EffectId;
 
 effect! {
     /// Normal spread of both thresholds of a pixel.
-    ThresholdMismatch, Thresholds, "theta_p = theta (1 + sigma z_p), z_p standard normal, On and Off drawn apart" {
+    ThresholdMismatch, Thresholds, "theta_p = theta (1 + sigma z_p), z_p standard normal, On and \
+        Off drawn apart" {
         /// Standard deviation over the nominal threshold.
         sigma_relative: 0.0 to 1.0,
     }
