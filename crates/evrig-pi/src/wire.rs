@@ -45,8 +45,9 @@ pub struct TakeTally {
     pub n_late_dropped: u64,
 }
 
-/// A message of either side.
-#[derive(Debug, Clone, PartialEq)]
+/// A message of either side. Its head is this enum as JSON; frames and fillers have a head of their own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Message {
     /// Agent: what camera there is.
     Hello {
@@ -65,8 +66,10 @@ pub enum Message {
     /// Host: let frames come.
     Start,
     /// Agent: one frame.
+    #[serde(skip)]
     Frame(Box<PiFrame>),
     /// Agent, after the take: the RGB image of a frame that was sent without it.
+    #[serde(skip)]
     LateRgb(Box<PiFrame>),
     /// Host: read your clocks.
     AskClock,
@@ -82,6 +85,7 @@ pub enum Message {
         n_bytes: usize,
     },
     /// Agent: bytes without meaning.
+    #[serde(skip)]
     Filler(Vec<u8>),
     /// Host: no more frames.
     Stop,
@@ -101,25 +105,19 @@ pub enum Message {
     },
 }
 
+/// The head of a message that is followed by bytes.
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-enum MessageHead {
-    Hello { camera: String },
-    Configure { order: CaptureOrder },
-    Configured { settings: CaptureSettings, description: serde_json::Value },
-    Start,
+enum BinaryHead {
     Frame { metadata: FrameMetadata, raw: Option<ImageHead>, rgb: Option<ImageHead> },
     LateRgb { metadata: FrameMetadata, rgb: Option<ImageHead> },
-    AskClock,
-    Clock { reading: PiClockReading },
-    AskDiscipline,
-    Discipline { discipline: DisciplineReport },
-    Probe { n_bytes: usize },
     Filler { n_bytes: usize },
-    Stop,
-    Draining { n_messages: u64, n_bytes: u64 },
-    Stopped { tally: TakeTally },
-    Refused { because: String },
+}
+
+/// What every head has.
+#[derive(Deserialize)]
+struct HeadKind {
+    kind: String,
 }
 
 /// Bytes that are not what the protocol has there.
@@ -194,33 +192,12 @@ pub fn check_preamble(bytes: &[u8; PREAMBLE_BYTES]) -> Result<(), WireError> {
 /// A message as bytes; images are not coded. See [`encode_frame`].
 #[must_use]
 pub fn encode(message: &Message) -> Vec<u8> {
-    let head = match message {
-        Message::Frame(frame) => return plain(frame, false),
-        Message::LateRgb(frame) => return plain(frame, true),
-        Message::Filler(bytes) => {
-            return assemble(&MessageHead::Filler { n_bytes: bytes.len() }, &[bytes]);
-        }
-        Message::Hello { camera } => MessageHead::Hello { camera: camera.clone() },
-        Message::Configure(order) => MessageHead::Configure { order: order.clone() },
-        Message::Configured { settings, description } => {
-            MessageHead::Configured { settings: settings.clone(), description: description.clone() }
-        }
-        Message::Start => MessageHead::Start,
-        Message::AskClock => MessageHead::AskClock,
-        Message::Clock(reading) => MessageHead::Clock { reading: *reading },
-        Message::AskDiscipline => MessageHead::AskDiscipline,
-        Message::Discipline(discipline) => {
-            MessageHead::Discipline { discipline: discipline.clone() }
-        }
-        Message::Probe { n_bytes } => MessageHead::Probe { n_bytes: *n_bytes },
-        Message::Stop => MessageHead::Stop,
-        Message::Draining { n_messages, n_bytes } => {
-            MessageHead::Draining { n_messages: *n_messages, n_bytes: *n_bytes }
-        }
-        Message::Stopped(tally) => MessageHead::Stopped { tally: *tally },
-        Message::Refused { because } => MessageHead::Refused { because: because.clone() },
-    };
-    assemble(&head, &[])
+    match message {
+        Message::Frame(frame) => plain(frame, false),
+        Message::LateRgb(frame) => plain(frame, true),
+        Message::Filler(bytes) => assemble(&BinaryHead::Filler { n_bytes: bytes.len() }, &[bytes]),
+        head => assemble(head, &[]),
+    }
 }
 
 /// A frame as bytes, its images coded; late ones travel alone.
@@ -259,15 +236,15 @@ fn with_images(
         images.map(|bytes| bytes.map(|bytes| ImageHead { n_bytes: bytes.len(), coding }));
     let metadata = metadata.clone();
     let head = if is_late {
-        MessageHead::LateRgb { metadata, rgb }
+        BinaryHead::LateRgb { metadata, rgb }
     } else {
-        MessageHead::Frame { metadata, raw, rgb }
+        BinaryHead::Frame { metadata, raw, rgb }
     };
     let images: Vec<&[u8]> = images.into_iter().flatten().collect();
     assemble(&head, &images)
 }
 
-fn assemble(head: &MessageHead, images: &[&[u8]]) -> Vec<u8> {
+fn assemble(head: &impl Serialize, images: &[&[u8]]) -> Vec<u8> {
     // These heads are plain values: JSON can always hold them.
     let head = serde_json::to_vec(head).unwrap_or_default();
     let n_images: usize = images.iter().map(|image| image.len()).sum();
@@ -323,40 +300,29 @@ impl MessageDecoder {
 }
 
 fn parse(head: &[u8], images: &[u8]) -> Result<Message, String> {
-    let head: MessageHead = serde_json::from_slice(head).map_err(|error| error.to_string())?;
-    let message = match head {
-        MessageHead::Frame { metadata, raw, rgb } => {
-            return Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, images)?)));
+    let text = |error: serde_json::Error| error.to_string();
+    let HeadKind { kind } = serde_json::from_slice(head).map_err(text)?;
+    if !["frame", "late_rgb", "filler"].contains(&kind.as_str()) {
+        let message = serde_json::from_slice(head).map_err(text)?;
+        let n_bytes = images.len();
+        return match n_bytes {
+            0 => Ok(message),
+            _ => Err(format!("{n_bytes} bytes behind a message without images")),
+        };
+    }
+    match serde_json::from_slice(head).map_err(text)? {
+        BinaryHead::Frame { metadata, raw, rgb } => {
+            Ok(Message::Frame(Box::new(frame(metadata, raw, rgb, images)?)))
         }
-        MessageHead::LateRgb { metadata, rgb } => {
-            return Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, images)?)));
+        BinaryHead::LateRgb { metadata, rgb } => {
+            Ok(Message::LateRgb(Box::new(frame(metadata, None, rgb, images)?)))
         }
-        MessageHead::Filler { n_bytes } if n_bytes == images.len() => {
-            return Ok(Message::Filler(images.to_vec()));
+        BinaryHead::Filler { n_bytes } if n_bytes == images.len() => {
+            Ok(Message::Filler(images.to_vec()))
         }
-        MessageHead::Filler { n_bytes } => {
-            return Err(format!("{n_bytes} bytes of filler, found {}", images.len()));
+        BinaryHead::Filler { n_bytes } => {
+            Err(format!("{n_bytes} bytes of filler, found {}", images.len()))
         }
-        MessageHead::Hello { camera } => Message::Hello { camera },
-        MessageHead::Configure { order } => Message::Configure(order),
-        MessageHead::Configured { settings, description } => {
-            Message::Configured { settings, description }
-        }
-        MessageHead::Start => Message::Start,
-        MessageHead::AskClock => Message::AskClock,
-        MessageHead::Clock { reading } => Message::Clock(reading),
-        MessageHead::AskDiscipline => Message::AskDiscipline,
-        MessageHead::Discipline { discipline } => Message::Discipline(discipline),
-        MessageHead::Probe { n_bytes } => Message::Probe { n_bytes },
-        MessageHead::Stop => Message::Stop,
-        MessageHead::Draining { n_messages, n_bytes } => Message::Draining { n_messages, n_bytes },
-        MessageHead::Stopped { tally } => Message::Stopped(tally),
-        MessageHead::Refused { because } => Message::Refused { because },
-    };
-    if images.is_empty() {
-        Ok(message)
-    } else {
-        Err(format!("{} bytes behind a message without images", images.len()))
     }
 }
 
@@ -439,7 +405,7 @@ mod tests {
     fn another_version_and_another_program_are_distinguished() {
         assert_eq!(check_preamble(&preamble()), Ok(()));
         let newer = check_preamble(b"EVRIGPI\0\x04\0\0\0").unwrap_err();
-        assert_eq!(newer, WireError::Version { found: 3 });
+        assert_eq!(newer, WireError::Version { found: 4 });
         assert!(newer.to_string().contains("install the same evrig"));
         assert!(matches!(check_preamble(b"HTTP/1.1 400"), Err(WireError::NotEvrig { .. })));
     }
