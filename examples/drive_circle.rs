@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! cargo run --example drive_circle                    # the simulated arm
-//! cargo run --example drive_circle -- /dev/ttyUSB0 50 # a real arm, homed, 50 poses per second
+//! cargo run --example drive_circle -- /dev/ttyUSB0 50 # a real arm, homed, at most 50 poses per second
 //! ```
 //! The measured duration shows which parameters set the speed of a circle: 2.508 s for the ARC
 //! parameters (50 mm/s, 50 mm/s^2). The PTP parameters are set to half of them.
@@ -13,10 +13,8 @@ use evrig::device::dobot::command::{ArmCommand, CartesianLimits, PtpMode, Ratios
 use evrig::device::dobot::guard::{GuardLink, serve};
 use evrig::device::dobot::{ArmClient, ArmTimeouts};
 use evrig::record::host_clock;
-use evrig::record::pose_timing::{PoseTimer, PoseTiming};
 use evrig::sim::arm::{ArmClock, ArmEmulator, ArmOptions};
 use evrig::time::Span;
-use evrig::units::Hertz;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -64,13 +62,15 @@ fn drive(client: &mut ArmClient, rate: f64) -> Result<(), Box<dyn Error>> {
     let (via, to) = ([252.0, 12.0, 100.0, 90.0], [264.0, 0.0, 100.0, 90.0]);
     let circle = client.enqueue(&ArmCommand::Circle { via, to, turns: 1 }, timeout)?;
     let started = host_clock::now();
-    let (mut poses, mut pace) = (Vec::new(), PoseTimer::new(Hertz(rate)));
+    let mut poses = Vec::new();
     client.wait_for(circle, minute, &mut |pose| {
         poses.push(*pose);
-        let rest = pace.until_next(host_clock::now());
-        std::thread::sleep(std::time::Duration::from_nanos(rest.as_nanos().unsigned_abs()));
+        std::thread::sleep(std::time::Duration::from_secs_f64(1.0 / rate));
     })?;
     println!("the circle took {}", host_clock::now() - started);
-    println!("{:#?}", PoseTiming::of(&poses));
+    let gaps = poses.windows(2).map(|pair| pair[1].time() - pair[0].time());
+    let largest_gap = gaps.max().unwrap_or(Span::ZERO);
+    let uncertainty = poses.iter().map(|pose| pose.uncertainty()).max().unwrap_or(Span::ZERO);
+    println!("{} poses, at most {largest_gap} apart, each known to {uncertainty}", poses.len());
     Ok(())
 }

@@ -12,7 +12,6 @@ mod engine;
 pub mod files;
 pub mod host_clock;
 pub mod manifest_entries;
-pub mod pose_timing;
 pub mod recorder;
 mod runs;
 mod state;
