@@ -51,7 +51,7 @@ pub struct MeasureMean {
     pub healthy: Option<[f64; 2]>,
 }
 
-/// A variant: a generator on a light, by the name of the stream it makes.
+/// A variant: a generator on frames or a scene, by the name of the stream it makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VariantMeans {
     /// The stream's name.

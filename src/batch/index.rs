@@ -107,7 +107,7 @@ pub struct IndexedStream {
     pub made_by: String,
     /// Events, frames or samples.
     pub count: u64,
-    /// Of generated events: the light they were made from.
+    /// Of generated events: the frames or scene they were generated from.
     pub from: Option<String>,
     /// Of generated events: the seed.
     pub seed: Option<u64>,

@@ -55,7 +55,7 @@ pub struct GenerationSettings {
 }
 
 impl GenerationSettings {
-    /// Rows of the camera behind each row of the light: two in one colour of a mosaic.
+    /// Camera rows behind each row of the prepared frame: two in one colour of a mosaic.
     fn rows_by(&self) -> u16 {
         let colour = self.preparation.colour;
         let is_halved = matches!(colour, Colour::Red | Colour::Green | Colour::Blue);
@@ -79,7 +79,7 @@ pub struct GenerationTally {
 
 struct GenerationJob {
     frame: Box<PiFrame>,
-    /// When it saw its light, or reached this machine.
+    /// When it was exposed, or reached this machine.
     born: Stamp<HostMonotonic>,
 }
 

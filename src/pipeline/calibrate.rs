@@ -25,7 +25,7 @@ pub enum ObjectiveKind {
 /// What to calibrate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrateRequest {
-    /// The light: name of a frame stream of either camera, or `scene`.
+    /// The source of the signal: name of a frame stream of either camera, or `scene`.
     pub from: String,
     /// The reference events.
     pub real: String,
@@ -80,7 +80,7 @@ pub fn calibrate(
     Ok((calibration, Freshness::Ran))
 }
 
-/// Checksums of what the light comes from: frames and, for the Pi's, both tracks and the clocks.
+/// Checksums of the sources of the signal: frames and, for the Pi's, both tracks and the clocks.
 fn inputs_of(session: &Session, from: &str) -> Result<inputs::Inputs, PipelineError> {
     if is_scene(session, from) {
         return Ok(scene_source::inputs_of(session));
@@ -116,7 +116,7 @@ fn run(session: &Session, request: &CalibrateRequest) -> Result<Calibration, Pip
     Ok(Calibration { preparation: found.preparation, ..calibration })
 }
 
-/// The calibration that a session holds for a light; `None` without one.
+/// The calibration that a session holds for a signal; `None` without one.
 ///
 /// # Errors
 /// When its file cannot be read.

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 /// Runs the stage, unless its result is fresh. `progress` takes frames done and in all.
 ///
 /// # Errors
-/// When there is no such light, a frame cannot be used, or the disk refuses.
+/// When there are no such frames, a frame cannot be used, or the disk refuses.
 pub fn generate(
     session: &Session,
     request: &GenerateRequest,

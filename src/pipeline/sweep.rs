@@ -19,7 +19,7 @@ use evrig_session::{Session, StreamKind};
 pub struct SweepRequest {
     /// What is turned.
     pub name: String,
-    /// Its values with the generation at each; all from one light.
+    /// Its values with the generation at each; all from the same frames.
     pub steps: Vec<(f64, GenerateRequest)>,
     /// Seconds of the session that are generated.
     pub seconds: f64,
@@ -42,7 +42,7 @@ const CLOUD_US: i64 = 100_000;
 /// Goes through the steps; `done` is called after each.
 ///
 /// # Errors
-/// When the light cannot be read, a step cannot be generated, or the page cannot be set.
+/// When the frames cannot be read, a step cannot be generated, or the page cannot be set.
 pub fn sweep(
     session: &Session,
     request: &SweepRequest,
@@ -74,7 +74,7 @@ pub fn sweep(
     Ok(Swept { html: page.to_html()?, n_events, window_us })
 }
 
-/// The frames about the middle of the session, and when their rows saw their light.
+/// The frames about the middle of the session, and when their rows were exposed.
 fn frames(
     session: &Session,
     request: &GenerateRequest,

@@ -37,7 +37,7 @@ pub(super) fn run(
     Ok(Ending::Done)
 }
 
-/// Whose camera at which light.
+/// Whose camera on which frames.
 fn by(camera: &Path, from: Option<&str>) -> Result<By, WrongUse> {
     match (camera == Path::new(OWN), from) {
         (true, None) => Ok(By::Own),

@@ -26,7 +26,7 @@ pub(super) struct CalibrationSignal {
     pub(super) preparation: FramePreparation,
 }
 
-/// How the frames of a light are prepared to calibrate on: a mosaic as luma without its pedestal,
+/// How the frames of a stream are prepared to calibrate on: a mosaic as luma without its pedestal,
 /// since an event pixel sees no mosaic and a logarithm no pedestal; others as they are.
 ///
 /// # Errors
@@ -47,7 +47,7 @@ pub(super) fn preparation_of(
     })
 }
 
-/// The light of the event pixels from a session's frames or its scene.
+/// The brightness of the event pixels from a session's frames or its scene.
 ///
 /// # Errors
 /// When frames, tracks or clocks are missing, or no pixel can be used.
@@ -150,7 +150,7 @@ fn own_frames(session: &Session) -> Result<String, PipelineError> {
     })
 }
 
-/// The scene's light at even instants.
+/// The scene's brightness at even instants.
 fn from_scene(session: &Session, gather: &mut Gather<'_>) -> Result<(), PipelineError> {
     let drive = drive_of(session)?;
     let mut frames = DriveFrames::new(&drive, [i64::MIN, i64::MAX], SCENE_STEP_US)?;

@@ -1,4 +1,4 @@
-//! The stated clock map against the tie of the event camera to the light.
+//! The stated clock map against the registration of the event camera.
 
 use evrig_analysis::diagnose::ClockTie;
 use evrig_core::time::{Davis, Span, Stamp, Unix};
@@ -14,11 +14,11 @@ const MAX_UNIX_OFFSET_US: f64 = 1e6;
 /// The scene's clock tie against the session's clock map; `None` where the session states no
 /// bounded map.
 ///
-/// The stage `sync` corrects the map by motion, and the scene's tie corrects it by light: both
+/// The stage `sync` corrects the map by motion, the registration of the scene by intensity: both
 /// would absorb a delay of the event camera. The statement is the uncorrected reading of the
 /// clocks.
 ///
-/// `row_delay_us` is the delay of the path's light against its frames' stamps.
+/// `row_delay_us` is the delay of the exposure of the path's frames against their stamps.
 pub(super) fn clock_tie(
     scene: &Scene,
     clocks: &SessionClocks,

@@ -1,4 +1,4 @@
-//! Departures of the light and of the cameras' response to it.
+//! Departures of the luminance and of the cameras' response to it.
 
 use super::MIN_STANDARD_ERRORS;
 use evrig_analysis::diagnose::Departure;
@@ -6,7 +6,7 @@ use evrig_core::effect_id::EffectId;
 use evrig_reconstruct::scene::{MovingIllumination, Scene, ToneFit};
 use evrig_session::rig::Rig;
 
-/// Ordinary light loss of a lens in its corners.
+/// Usual vignetting of a lens.
 const MAX_ORDINARY_LOSS: f64 = 0.05;
 
 /// Relative error of the stated read-noise variance.
