@@ -52,6 +52,10 @@ const fn down(id: &'static str, key: &'static str, at_one: f64) -> StrengthScale
     StrengthScale { id, key, at_one, growth: Growth::Down, fixed: &[] }
 }
 
+const fn from_one(id: &'static str, key: &'static str, at_one: f64) -> StrengthScale {
+    StrengthScale { id, key, at_one, growth: Growth::FromOne, fixed: &[] }
+}
+
 impl StrengthScale {
     const fn with(mut self, fixed: &'static [(&'static str, f64)]) -> Self {
         self.fixed = fixed;
@@ -65,13 +69,7 @@ const WORLD: &[StrengthScale] = &[
     down("fixed_pole", "cutoff_hz", 40.0),
     up("refractory_period", "refractory_us", 1_500.0),
     up("threshold_mismatch", "sigma_relative", 0.05),
-    StrengthScale {
-        id: "threshold_asymmetry",
-        key: "on_off_ratio",
-        at_one: 1.06,
-        growth: Growth::FromOne,
-        fixed: &[],
-    },
+    from_one("threshold_asymmetry", "on_off_ratio", 1.06),
     up("junction_leak", "rate_hz", 0.4),
     up("photocurrent_leak", "rate_hz_at_white", 0.5),
     up("shot_noise", "rms_thresholds", 0.12).with(&[("bandwidth_hz", 300.0)]),
@@ -88,13 +86,7 @@ const WORLD: &[StrengthScale] = &[
     up("clock_skew", "skew_ppm", 600.0),
     up("rolling_shutter", "row_us", 12.0),
     up("black_level", "offset_dn", 12.0),
-    StrengthScale {
-        id: "tone_curve",
-        key: "gamma",
-        at_one: 0.92,
-        growth: Growth::FromOne,
-        fixed: &[],
-    },
+    from_one("tone_curve", "gamma", 0.92),
     up("frame_noise", "sigma_dn", 1.5),
     up("defocus", "sigma_px", 0.5),
     up("vignetting", "corner_loss", 0.1),
@@ -123,13 +115,7 @@ const PLASMODE: &[StrengthScale] = &[
     up("clock_offset", "offset_us", 15_000.0),
     up("clock_skew", "skew_ppm", 10_000.0),
     up("black_level", "offset_dn", 12.0),
-    StrengthScale {
-        id: "tone_curve",
-        key: "gamma",
-        at_one: 0.85,
-        growth: Growth::FromOne,
-        fixed: &[],
-    },
+    from_one("tone_curve", "gamma", 0.85),
     up("defocus", "sigma_px", 1.0),
 ];
 

@@ -89,42 +89,36 @@ impl Alarm {
             return Explanation { description: (*description).to_owned(), remedy };
         }
         let axis = |first: u8, per_axis: u8| (code - first) / per_axis + 1;
-        match code {
-            0x30..=0x33 => Explanation {
-                description: format!(
-                    "joint {} was asked to turn faster than it can",
-                    axis(0x30, 1)
-                ),
-                remedy: "lower the speed or keep away from the arm's own axis",
-            },
-            0x40..=0x47 => Explanation {
-                description: format!(
-                    "joint {} is at its {} limit",
-                    axis(0x40, 2),
-                    if code.is_multiple_of(2) { "upper" } else { "lower" }
-                ),
-                remedy: "move the joint back by hand (hold UNLOCK) or by jogging, then clear",
-            },
-            0x50..=0x53 => Explanation {
-                description: format!(
-                    "joint {} lost steps: it hit something or was too fast",
-                    axis(0x50, 1)
-                ),
-                remedy: "free the arm, lower the acceleration or the load, home again",
-            },
-            0x60..=0x6b => Explanation {
-                description: format!("the motor driver of joint {} reports a fault", axis(0x60, 3)),
-                remedy: "switch the arm off for ten seconds; if it comes back, have it serviced",
-            },
-            0x70..=0xb2 => Explanation {
-                description: format!("motor fault 0x{code:02x} of another Dobot model"),
-                remedy: "check that the device is a Magician; switch it off for ten seconds",
-            },
-            _ => Explanation {
-                description: format!("alarm 0x{code:02x}, which no document names"),
-                remedy: "clear it; if it comes back, switch the arm off for ten seconds",
-            },
-        }
+        let (description, remedy) = match code {
+            0x30..=0x33 => (
+                format!("joint {} was asked to turn faster than it can", axis(0x30, 1)),
+                "lower the speed or keep away from the arm's own axis",
+            ),
+            0x40..=0x47 => {
+                let limit = if code.is_multiple_of(2) { "upper" } else { "lower" };
+                (
+                    format!("joint {} is at its {limit} limit", axis(0x40, 2)),
+                    "move the joint back by hand (hold UNLOCK) or by jogging, then clear",
+                )
+            }
+            0x50..=0x53 => (
+                format!("joint {} lost steps: it hit something or was too fast", axis(0x50, 1)),
+                "free the arm, lower the acceleration or the load, home again",
+            ),
+            0x60..=0x6b => (
+                format!("the motor driver of joint {} reports a fault", axis(0x60, 3)),
+                "switch the arm off for ten seconds; if it comes back, have it serviced",
+            ),
+            0x70..=0xb2 => (
+                format!("motor fault 0x{code:02x} of another Dobot model"),
+                "check that the device is a Magician; switch it off for ten seconds",
+            ),
+            _ => (
+                format!("alarm 0x{code:02x}, which no document names"),
+                "clear it; if it comes back, switch the arm off for ten seconds",
+            ),
+        };
+        Explanation { description, remedy }
     }
 }
 
