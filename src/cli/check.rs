@@ -9,9 +9,8 @@ use std::path::PathBuf;
     evrig check                          # this machine: ports, disk, clock\n  \
     evrig check sim circle               # the simulated rig\n  \
     evrig check rig/lab.toml protocol --out /data\n\n\
-    Nothing moves, no setting is changed, no alarm is cleared. Exit code 4 when a recording \
-    cannot\n\
-    start; each such line states what to do.")]
+    Nothing moves, no setting is changed, no alarm is cleared. Exit code 4 when a recording\n\
+    cannot start; each such line states what to do.")]
 pub struct CheckArgs {
     /// The rig: a file, or the name of a bundled one (sim, magician)
     pub rig: Option<String>,

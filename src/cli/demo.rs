@@ -9,9 +9,8 @@ use std::path::PathBuf;
     evrig demo\n  \
     evrig demo --out sessions/demo --seed 7\n  \
     evrig demo --world rig/world.toml\n\n\
-    The session is recorded by the same engine, with the same protocols and into the same files \
-    as on\n\
-    a real rig; the devices are simulated.")]
+    The session is recorded by the same engine, with the same protocols and into the same files\n\
+    as on a real rig; the devices are simulated.")]
 pub struct DemoArgs {
     /// The session's directory, missing or empty [default: evrig-demo, with a number if it is
     /// taken]

@@ -27,11 +27,10 @@ pub enum EmulatedDevice {
 #[command(after_help = "Examples:\n  \
     evrig emulate davis --listen 127.0.0.1:7777\n  \
     evrig emulate pi --rig rig/sim.toml --trajectory line\n\n\
-    The addresses are the first line on stdout: for a DAVIS events, frames and inertial samples \
-    with\n\
-    commas between them, as `davis.transport = \"tcp://...\"` takes them. The camera moves along \
-    the trajectory and back without\n\
-    end; a machine that is too slow to render in real time lags behind and loses nothing.")]
+    The addresses are the first line on stdout: for a DAVIS events, frames and inertial samples\n\
+    with commas between them, as `davis.transport = \"tcp://...\"` takes them. The camera moves\n\
+    along the trajectory and back without end; a machine that is too slow to render in real time\n\
+    lags behind and loses nothing.")]
 pub struct EmulateCameraArgs {
     /// The rig: a file, or the name of a bundled one
     #[arg(long, default_value = "sim")]

@@ -11,9 +11,8 @@ use std::net::SocketAddr;
     evrig live sessions/street                 # replays a session\n  \
     evrig live rig/lab.toml --foxglove 127.0.0.1:8765\n  \
     evrig live rig/lab.toml --generate raw --preset Raw2DVS346\n\n\
-    DV and dv-processing connect to the AEDAT4 addresses; Foxglove to its own (evrig must be \
-    built\n\
-    with `--features foxglove`). Ctrl-C ends.")]
+    DV and dv-processing connect to the AEDAT4 addresses; Foxglove to its own (evrig must be\n\
+    built with `--features foxglove`). Ctrl-C ends.")]
 pub struct LiveArgs {
     /// The rig (a file, or the name of a bundled one), or a session to replay
     pub what: String,

@@ -45,10 +45,9 @@ pub struct PiArgs {
 /// Arguments of `evrig pair`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  evrig pair\n\n\
-    Makes two directories of keys, `host` and `agent`; only they can connect to each other. Run \
-    it on\n\
-    the host and copy `agent` to the Pi as printed. The certificate authority is\n\
-    deleted: to change either half, run `evrig pair` again.")]
+    Makes two directories of keys, `host` and `agent`; only they can connect to each other. Run\n\
+    it on the host and copy `agent` to the Pi as printed. The certificate authority is deleted:\n\
+    to change either half, run `evrig pair` again.")]
 pub struct PairArgs {
     /// Output directory (default: evrig/keys in the user's configuration)
     #[arg(long, value_name = "DIR")]

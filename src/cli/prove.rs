@@ -11,13 +11,11 @@ use std::path::PathBuf;
     evrig prove --out proof --single 48 --double 12 --clean 20 --alien 9 --local 10 --resume\n  \
     evrig prove --recording davis346-street.aedat4 --single 22 --out proof-street\n  \
     evrig prove --sessions made-elsewhere --out proof-elsewhere\n\n\
-    Each session is made with hidden effects; the truth is stored in OUT/truth and only its \
-    SHA-256 in\n\
-    the session, while track, sync, scene and diagnose run on it in processes of their own. Then \
-    the\n\
-    truth is opened, the trial's record goes to OUT/trials and the score so far to OUT/proof-*. A \
-    poor\n\
-    score is a result: the exit code is 0. With --quick it is 4 when a named effect is wrong.")]
+    Each session is made with hidden effects; the truth is stored in OUT/truth and only its\n\
+    SHA-256 in the session, while track, sync, scene and diagnose run on it in processes of\n\
+    their own. Then the truth is opened, the trial's record goes to OUT/trials and the score so\n\
+    far to OUT/proof-*. A poor score is a result: the exit code is 0. With --quick it is 4 when\n\
+    a named effect is wrong.")]
 pub struct ProveArgs {
     /// Two short fixed trials whose effects must be named correctly
     #[arg(long, conflicts_with_all = ["recording", "sessions", "single", "double", "clean", "alien", "local"])]

@@ -241,9 +241,8 @@ pub struct CompareArgs {
     evrig process dataset --engine slurm --cpus 8 --time-limit 02:00:00 \
     --sbatch=--partition=long\n  evrig process dataset --status\n\n\
     Runs every stage for which a session has the inputs and states which it left out and why.\n\
-    A stage whose inputs did not change is not run again. In a dataset, a folder of sessions, a \
-    failed\n\
-    session does not stop the others; exit code 3 when something was lost or failed.")]
+    A stage whose inputs did not change is not run again. In a dataset, a folder of sessions, a\n\
+    failed session does not stop the others; exit code 3 when something was lost or failed.")]
 pub struct ProcessArgs {
     /// The session, or a dataset: a folder of sessions
     pub session: PathBuf,

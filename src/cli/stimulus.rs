@@ -9,10 +9,9 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     evrig stimulus rig/lab.toml --images images\n  \
     evrig stimulus rig/lab.toml --images images.csv --px-per-mm 3.78\n\n\
-    On the page: c calibrates with a bank card, f is full screen, arrow keys change the image, \
-    space\n\
-    pauses. `evrig record ... --images LIST` serves the same page and changes images itself. \
-    Ctrl-C ends.")]
+    On the page: c calibrates with a bank card, f is full screen, arrow keys change the image,\n\
+    space pauses. `evrig record ... --images LIST` serves the same page and changes images\n\
+    itself. Ctrl-C ends.")]
 pub struct StimulusArgs {
     /// The rig whose target is shown: a file, or the name of a bundled one
     pub rig: String,
