@@ -25,7 +25,7 @@ pub use about::{CompletionsArgs, ManArgs};
 pub use batch::{BatchArgs, Engine, EngineArgs, SplitByArg};
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
-pub use diagnose::{BaselineChoice, DiagnoseArgs};
+pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{

@@ -52,7 +52,21 @@ pub struct DiagnoseArgs {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 
+    /// The likelihood
+    #[arg(long, value_name = "NAME", default_value = "running-maximum")]
+    pub engine: EngineChoice,
+
     /// Run even when the result is already there
     #[arg(long)]
     pub force: bool,
+}
+
+/// The likelihood of a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum EngineChoice {
+    /// A running maximum against noisy thresholds
+    RunningMaximum,
+    /// A smooth hazard with camera constants and thresholds per pixel: several times faster, names
+    /// more, and writes no camera or forward simulation yet
+    Smooth,
 }

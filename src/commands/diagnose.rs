@@ -2,8 +2,8 @@
 
 use super::progress::ProgressDisplay;
 use super::{Ending, Output};
-use crate::cli::{BaselineChoice, DiagnoseArgs};
-use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineProgress};
+use crate::cli::{BaselineChoice, DiagnoseArgs, EngineChoice};
+use crate::pipeline::{self, Baseline, DiagnoseRequest, DiagnosisEngine, PipelineProgress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
 
@@ -19,6 +19,10 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
             n_null: args.null.unwrap_or(defaults.n_null),
             seed: args.seed,
             ..defaults
+        },
+        engine: match args.engine {
+            EngineChoice::RunningMaximum => DiagnosisEngine::RunningMaximum,
+            EngineChoice::Smooth => DiagnosisEngine::Smooth,
         },
         force: args.force,
     };
@@ -57,6 +61,9 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
     let scores = &diagnosis.fit.heldout_nats_per_event;
     let mut text = match diagnosis.verdict {
         DiagnosisVerdict::NoMismatch => "no mismatch: the model fits".to_owned(),
+        DiagnosisVerdict::MinorMismatch => {
+            "minor mismatch: significant, and too small to name an effect".to_owned()
+        }
         DiagnosisVerdict::Explained => "explained".to_owned(),
         DiagnosisVerdict::PartlyExplained => "partly explained".to_owned(),
         DiagnosisVerdict::Unexplained => {

@@ -14,6 +14,7 @@ use evrig_analysis::diagnose::{
     self, Departure, Diagnosis, DiagnosisOptions, Evidence, FittedCamera, ForwardSimulation,
     HeatMap, StampGrid,
 };
+use evrig_analysis::inference::diagnose_smooth;
 use evrig_analysis::predict::EventsByPixel;
 use evrig_core::drive::Drive;
 use evrig_core::event::Events;
@@ -30,8 +31,21 @@ pub struct DiagnoseRequest {
     pub baseline: Baseline,
     /// Work and resolution.
     pub options: DiagnosisOptions,
+    /// The likelihood and its search.
+    pub engine: DiagnosisEngine,
     /// Run even when the result is fresh.
     pub force: bool,
+}
+
+/// The likelihood of a diagnosis and its search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DiagnosisEngine {
+    /// A running maximum against logistic thresholds, searched without gradients.
+    #[default]
+    RunningMaximum,
+    /// A smooth hazard with camera constants and thresholds per pixel. It writes no camera, maps or
+    /// forward simulation yet.
+    Smooth,
 }
 
 /// Runs the stage, unless its result is fresh. `progress` receives the name of each step.
@@ -47,12 +61,15 @@ pub fn diagnose(
 ) -> Result<(Diagnosis, Freshness), PipelineError> {
     let mut inputs = inputs::of_events(session, &request.real)?;
     inputs.extend(request.baseline.inputs(session)?);
-    let parameters = json!({
+    let mut parameters = json!({
         "real": request.real,
         "from": request.baseline.from(),
         "is_straight": matches!(request.baseline, Baseline::Frames(_)),
         "options": request.options,
     });
+    if request.engine == DiagnosisEngine::Smooth {
+        parameters["engine"] = json!("smooth");
+    }
     let wanted = StageRecord::new("diagnose", None, inputs, parameters);
     let directory = session.layout().derived("diagnose", None);
     if !request.force
@@ -61,22 +78,21 @@ pub fn diagnose(
     {
         return Ok((diagnosis, Freshness::Fresh));
     }
-    let DiagnosisInput { evidence, drive, events, departures, most_at_rest_hz } =
-        prepare(session, request)?;
-    let found = diagnose::diagnose(&evidence, &departures, &request.options, progress);
-    let mut diagnosis = found.diagnosis;
-    progress("forward simulation");
-    let seed = request.options.seed;
-    let baseline = FittedCamera::of(&evidence, &found.baseline, &[]);
-    let camera = FittedCamera::of(&evidence, &found.model, &diagnosis.effects);
-    let both = baseline.as_ref().zip(camera.as_ref());
-    let run = both.and_then(|(baseline, camera)| {
-        let real = events.as_slice();
-        diagnose::simulate_forward(&evidence, drive.as_ref(), real, [baseline, camera], seed)
-    });
-    if let Some(run) = &run {
-        diagnosis.fit.forward_simulation = run.measures.clone();
-    }
+    let input = prepare(session, request)?;
+    let DiagnosisOutput { diagnosis, run, heat, camera } = match request.engine {
+        DiagnosisEngine::RunningMaximum => with_camera(&input, &request.options, progress),
+        DiagnosisEngine::Smooth => DiagnosisOutput {
+            diagnosis: diagnose_smooth(
+                &input.evidence,
+                &input.departures,
+                &request.options,
+                progress,
+            ),
+            run: None,
+            heat: Vec::new(),
+            camera: None,
+        },
+    };
     clear(&directory)?;
     let write = |name: &str, text: String| {
         let path = directory.join(name);
@@ -84,7 +100,7 @@ pub fn diagnose(
     };
     write("diagnosis.json", serde_json::to_string_pretty(&diagnosis).unwrap_or_default())?;
     write(FORWARD_SIMULATION, serde_json::to_string(&run).unwrap_or_default())?;
-    write(HEAT, serde_json::to_string(&found.heat).unwrap_or_default())?;
+    write(HEAT, serde_json::to_string(&heat).unwrap_or_default())?;
     let mut outputs = vec!["diagnosis.json", FORWARD_SIMULATION, HEAT];
     if let Some(fitted) = camera {
         let made = DiagnosedCamera {
@@ -92,7 +108,7 @@ pub fn diagnose(
             verdict: diagnosis.verdict,
             baseline: request.baseline.clone(),
             // The camera is for the whole sensor, not only for the selected pixels.
-            fitted: fitted.with_background_up_to(most_at_rest_hz),
+            fitted: fitted.with_background_up_to(input.most_at_rest_hz),
         };
         write(CAMERA, serde_json::to_string_pretty(&made).unwrap_or_default())?;
         outputs.push(CAMERA);
@@ -100,6 +116,37 @@ pub fn diagnose(
     let tally = json!({ "n_pixels": diagnosis.n_pixels, "n_events": diagnosis.n_events });
     write_stage(&directory, StageRecord { tally, ..wanted }, &outputs)?;
     Ok((diagnosis, Freshness::Ran))
+}
+
+/// What a diagnosis yields beside its result.
+struct DiagnosisOutput {
+    diagnosis: Diagnosis,
+    run: Option<ForwardSimulation>,
+    heat: Vec<HeatMap>,
+    camera: Option<FittedCamera>,
+}
+
+/// The diagnosis with the fitted camera and its forward simulation.
+fn with_camera(
+    input: &DiagnosisInput,
+    options: &DiagnosisOptions,
+    progress: &mut dyn FnMut(&str),
+) -> DiagnosisOutput {
+    let DiagnosisInput { evidence, drive, events, departures, .. } = input;
+    let found = diagnose::diagnose(evidence, departures, options, progress);
+    let mut diagnosis = found.diagnosis;
+    progress("forward simulation");
+    let baseline = FittedCamera::of(evidence, &found.baseline, &[]);
+    let camera = FittedCamera::of(evidence, &found.model, &diagnosis.effects);
+    let run = baseline.as_ref().zip(camera.as_ref()).and_then(|(baseline, camera)| {
+        let real = events.as_slice();
+        let both = [baseline, camera];
+        diagnose::simulate_forward(evidence, drive.as_ref(), real, both, options.seed)
+    });
+    if let Some(run) = &run {
+        diagnosis.fit.forward_simulation = run.measures.clone();
+    }
+    DiagnosisOutput { diagnosis, run, heat: found.heat, camera }
 }
 
 /// File of the forward simulation.

@@ -35,14 +35,14 @@
 //! | `MIN_BUSY_SHARE`, `MIN_EVENT_SHARE`, `MIN_EXCESS_HZ`, `MIN_RATE_RATIO`, `MIN_NOISE_ALTERNATION`, `MIN_SIMILAR_PEAK_SHARE`, `MIN_TIE_SHARE`, `MIN_BACK_TO_BACK_SHARE` | `sensor_wide` | sensor-wide findings |
 //! | `MIN_SAME_ROW_SHARE`, `MAX_SERIAL_TIE_SHARE`, `MIN_SERIAL_STEP_SHARE` | `evidence::stamp_grid` | grid against readout |
 
-mod checks;
-mod evidence;
-mod fit;
+pub(crate) mod checks;
+pub(crate) mod evidence;
+pub(crate) mod fit;
 mod model;
 mod options;
-mod report;
+pub(crate) mod report;
 mod search;
-mod sensor_wide;
+pub(crate) mod sensor_wide;
 
 pub use evidence::session_facts::{ClockTie, SessionFacts};
 pub use evidence::stamp_grid::StampGrid;

@@ -5,4 +5,5 @@ pub mod calibrate;
 pub mod compare;
 pub mod diagnose;
 pub mod filter;
+pub mod inference;
 pub mod predict;

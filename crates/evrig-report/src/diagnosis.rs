@@ -94,6 +94,9 @@ fn lead(diagnosis: &Diagnosis) -> String {
         DiagnosisVerdict::NoMismatch => {
             "No mismatch: no effect of the library is significant".to_owned()
         }
+        DiagnosisVerdict::MinorMismatch => {
+            "There is a significant mismatch that is too small to name an effect".to_owned()
+        }
         DiagnosisVerdict::Explained => format!("Explained by {}", names.join(" and ")),
         DiagnosisVerdict::PartlyExplained => {
             format!("Partly explained by {}", names.join(" and "))

@@ -36,7 +36,9 @@ impl DiagnosedCamera {
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {
         let verdict = match self.verdict {
-            DiagnosisVerdict::NoMismatch | DiagnosisVerdict::Explained => None,
+            DiagnosisVerdict::NoMismatch
+            | DiagnosisVerdict::MinorMismatch
+            | DiagnosisVerdict::Explained => None,
             DiagnosisVerdict::PartlyExplained => {
                 Some("the named effects explain its recording only in part")
             }

@@ -10,6 +10,8 @@ mod leak_near_prior_bound;
 mod pixel_strata;
 mod random_loss;
 mod refractory_peaks;
+#[cfg(feature = "long-tests")]
+mod smooth_likelihood;
 mod strengths_by_stratum;
 mod unchanged_light;
 

@@ -222,11 +222,15 @@ pub(crate) fn misfit_strata(
     model: &FittedModel,
     least: f64,
 ) -> Vec<MisfitStratum> {
-    let events = locate_residuals(evidence, model);
+    misfit_strata_of(&locate_residuals(evidence, model), least)
+}
+
+/// The same from residuals.
+pub(crate) fn misfit_strata_of(events: &[LocatedResidual], least: f64) -> Vec<MisfitStratum> {
     let held_out: Vec<&LocatedResidual> = events.iter().filter(|p| p.held_out).collect();
     let n = held_out.len().max(1) as f64;
     let mut found = Vec::new();
-    for covariate in covariates(&events) {
+    for covariate in covariates(events) {
         let n_strata = covariate.edges.len() + 1;
         let mut counts = vec![[0.0; N_HISTOGRAM_BINS]; n_strata];
         let mut late = vec![(0.0, 0.0); n_strata];

@@ -10,7 +10,7 @@ use super::boosted_trees::{ClassifierResult, LabelledEvents, N_FOLDS, classify, 
 use crate::diagnose::fit::fitted::FittedModel;
 use crate::diagnose::fit::pixel_strata::strata_of_pixels;
 use crate::diagnose::{Evidence, MisfitStratum, PixelEvidence, ProposedTerm};
-use crate::predict::{Spike, SpikeContext, next_events};
+use crate::predict::{NextEventPair, Spike, SpikeContext, next_events};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
@@ -185,7 +185,27 @@ pub(crate) fn test_structure(
     model: &FittedModel,
     seed: u64,
 ) -> Option<StructureTest> {
-    let examples = examples(evidence, model, seed);
+    let mixture = strata_of_pixels(evidence, &model.hypothesis);
+    test_structure_of(evidence, |number| {
+        let pixel = &evidence.pixels[number];
+        let view = model.hypothesis.view(evidence, pixel, mixture[number], Vec::new());
+        let mut random = SplitMix::new(seed ^ NEXT_EVENT_STREAM, number as u64);
+        let end = evidence.blocks.length_us();
+        let all = next_events(&view.law, view.light(), &pixel.spikes, end, &mut random);
+        (all, [view.law.theta(true), view.law.theta(false)])
+    })
+}
+
+/// Stream of random numbers of the drawn next events.
+pub(crate) const NEXT_EVENT_STREAM: u64 = 0x6e65_7874;
+
+/// Residual structure between recorded and drawn next events; `next_of` gives those of a pixel, and
+/// its ON and OFF threshold.
+pub(crate) fn test_structure_of(
+    evidence: &Evidence,
+    next_of: impl Fn(usize) -> (Vec<NextEventPair>, [f64; 2]) + Sync,
+) -> Option<StructureTest> {
+    let examples = examples(evidence, next_of);
     let result = classify(&examples)?;
     let own = classify_with(&examples, |feature| !FEATURES[feature].of.is_other())?;
     let others = result.more_than(&own);
@@ -206,26 +226,24 @@ pub(crate) fn test_structure(
     Some(StructureTest { nats, error, accuracy, without_light_features, others, by, misfit_ranges })
 }
 
-fn examples(evidence: &Evidence, model: &FittedModel, seed: u64) -> LabelledEvents {
-    let mixture = strata_of_pixels(evidence, &model.hypothesis);
+fn examples(
+    evidence: &Evidence,
+    next_of: impl Fn(usize) -> (Vec<NextEventPair>, [f64; 2]) + Sync,
+) -> LabelledEvents {
     let every = evidence.n_events().div_ceil(MAX_EVENTS).max(1);
     let parts: Vec<LabelledEvents> = evidence
         .pixels
         .par_iter()
-        .zip(mixture)
         .enumerate()
-        .map(|(number, (pixel, stratum))| {
-            let view = model.hypothesis.view(evidence, pixel, stratum, Vec::new());
-            let mut random = SplitMix::new(seed ^ 0x6e65_7874, number as u64);
-            let end = evidence.blocks.length_us();
-            let all = next_events(&view.law, view.light(), &pixel.spikes, end, &mut random);
+        .map(|(number, pixel)| {
+            let (all, theta) = next_of(number);
             let mut part =
                 LabelledEvents { n_features: FEATURES.len(), ..LabelledEvents::default() };
             for one in all.iter().skip(number % every).step_by(every) {
                 let past = &pixel.spikes[..=one.before];
                 for (moment, is_real) in [(one.real, true), (one.drawn, false)] {
                     let Some(moment) = moment else { continue };
-                    let theta = view.law.theta(moment.spike.on);
+                    let theta = theta[usize::from(!moment.spike.on)];
                     part.features.extend(features(evidence, pixel, past, &moment, theta));
                     part.is_real.push(is_real);
                     let block = evidence.blocks.of(moment.spike.t_us as f64);

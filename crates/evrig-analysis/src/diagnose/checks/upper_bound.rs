@@ -25,15 +25,22 @@ pub(crate) struct RecalibrationGain {
 const PRIOR_COUNT: f64 = 1.0;
 
 pub(crate) fn recalibration_gain(evidence: &Evidence, model: &FittedModel) -> RecalibrationGain {
-    let events = locate_residuals(evidence, model);
+    recalibration_gain_of(evidence, &locate_residuals(evidence, model))
+}
+
+/// The same from residuals.
+pub(crate) fn recalibration_gain_of(
+    evidence: &Evidence,
+    events: &[LocatedResidual],
+) -> RecalibrationGain {
     let mut u: Vec<f64> = events.iter().map(LocatedResidual::u).collect();
     let mut gains = vec![0.0; events.len()];
-    for covariate in covariates(&events).iter().filter(|c| c.is_known_before) {
-        recalibrate(&events, &mut u, &mut gains, &covariate.edges, covariate.value);
+    for covariate in covariates(events).iter().filter(|c| c.is_known_before) {
+        recalibrate(events, &mut u, &mut gains, &covariate.edges, covariate.value);
     }
     let previous = |p: &LocatedResidual| previous(&p.residual);
-    recalibrate(&events, &mut u, &mut gains, &[0.5, 1.5], previous);
-    held_out(evidence, &events, &gains)
+    recalibrate(events, &mut u, &mut gains, &[0.5, 1.5], previous);
+    held_out(evidence, events, &gains)
 }
 
 /// Held-out gain of a recalibration by one covariate, nats per event.

@@ -203,7 +203,7 @@ fn verdict(
 }
 
 /// Adds ranges of the two-sample test to strata of the recalibration.
-fn with_structure(
+pub(crate) fn with_structure(
     mut places: Vec<crate::diagnose::MisfitStratum>,
     left: Option<&StructureTest>,
     least: f64,
@@ -214,10 +214,13 @@ fn with_structure(
 }
 
 fn of_both((before, after): (StructureTest, StructureTest)) -> ResidualStructureReport {
-    ResidualStructureReport { baseline: left(&before), r#final: left(&after) }
+    ResidualStructureReport {
+        baseline: residual_structure(&before),
+        r#final: residual_structure(&after),
+    }
 }
 
-fn left(structure: &StructureTest) -> crate::diagnose::ResidualStructure {
+pub(crate) fn residual_structure(structure: &StructureTest) -> crate::diagnose::ResidualStructure {
     crate::diagnose::ResidualStructure {
         nats_per_event: structure.nats,
         error: structure.error,

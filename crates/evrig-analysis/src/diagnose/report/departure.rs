@@ -73,7 +73,7 @@ pub(crate) fn as_effects<'a>(
         .map(|i| {
             let with = lights[i + 1..].iter().flatten().next().unwrap_or(baseline);
             let gained = lights[i].as_ref().map(|w| with.cells.gain(&w.cells, CellSet::HeldOut));
-            effect(departures[i], gained.unwrap_or_default())
+            effect_of(departures[i], gained.unwrap_or_default())
         })
         .collect();
     let first = lights.iter_mut().find_map(Option::take);
@@ -90,7 +90,7 @@ fn refitted(evidence: &Evidence, baseline: &FittedModel) -> FittedModel {
     fit_and_refine(evidence, start, MAX_STEPS)
 }
 
-fn effect(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
+pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
     let interval = |&(key, [value, error]): &(&'static str, [f64; 2])| {
         let ci90 = [Some(value - Z90 * error), Some(value + Z90 * error)];
         (key.to_owned(), ConfidenceInterval { value, ci90 })

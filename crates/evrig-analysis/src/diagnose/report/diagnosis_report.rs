@@ -17,6 +17,8 @@ pub(crate) const DIAGNOSIS_SCHEMA: &str = "evrig.diagnosis/2";
 pub enum DiagnosisVerdict {
     /// The baseline model is adequate.
     NoMismatch,
+    /// A mismatch is significant and small; nothing is named.
+    MinorMismatch,
     /// The named effects remove at least half of the excess.
     Explained,
     /// The named effects remove at least a quarter of the excess.

@@ -1,0 +1,26 @@
+//! A second engine of the diagnosis: a smooth likelihood, camera constants with priors, thresholds
+//! by empirical Bayes, one optimizer and standard tests.
+//!
+//! It runs beside [`diagnose`](crate::diagnose::diagnose) until it has been measured against it on
+//! fresh trials.
+
+mod constants;
+mod draw;
+mod effects;
+mod findings;
+mod fit;
+mod goodness;
+mod hazard;
+mod intervals;
+mod law;
+mod model;
+mod pass;
+mod report;
+mod score_scan;
+mod select;
+mod signal;
+mod spread;
+#[cfg(test)]
+mod tests;
+
+pub use report::diagnose_smooth;

@@ -1,0 +1,153 @@
+//! Goodness of fit: time rescaling and a classifier two-sample test.
+
+use super::fit::ModelFit;
+use super::model::CameraModel;
+use super::pass::{HazardTerm, PixelPass, TermVisitor, visit};
+use crate::diagnose::checks::event_strata::{LocatedResidual, misfit_strata_of};
+use crate::diagnose::checks::two_sample_test::{
+    NEXT_EVENT_STREAM, StructureTest, test_structure_of,
+};
+use crate::diagnose::checks::upper_bound::{RecalibrationGain, recalibration_gain_of};
+use crate::diagnose::report::conclusion::with_structure;
+use crate::diagnose::{Evidence, MisfitStratum};
+use crate::predict::{NextEventPair, PreviousEvent, Residual, SpikeContext};
+use evrig_core::stats::SplitMix;
+use rayon::prelude::*;
+
+/// Significance of a gain or a mismatch, standard errors over cells: 0.003 % one-sided, 0.1 % over a
+/// library of thirty effects (Bonferroni).
+pub(super) const SIGNIFICANT_STANDARD_ERRORS: f64 = 4.0;
+
+/// A mismatch below this is not reported: a likelihood ratio of e in a hundred events.
+pub(super) const NEGLIGIBLE_NATS_PER_EVENT: f64 = 0.01;
+
+/// Goodness of fit of a model.
+pub(super) struct GoodnessOfFit {
+    residuals: Vec<LocatedResidual>,
+    pub(super) recalibration: RecalibrationGain,
+    pub(super) structure: Option<StructureTest>,
+}
+
+impl GoodnessOfFit {
+    pub(super) fn of(evidence: &Evidence, fit: &ModelFit, seed: u64) -> Self {
+        let residuals = residuals(evidence, &fit.model);
+        let recalibration = recalibration_gain_of(evidence, &residuals);
+        let structure =
+            test_structure_of(evidence, |number| next_events(evidence, &fit.model, number, seed));
+        Self { residuals, recalibration, structure }
+    }
+
+    /// The larger of two significant misfits, nats per event: by the time-rescaled intervals and by
+    /// the classifier.
+    pub(super) fn misfit(&self) -> f64 {
+        let significant = |gain: f64, error: f64| {
+            if gain > SIGNIFICANT_STANDARD_ERRORS * error { gain } else { 0.0 }
+        };
+        let rescaled = significant(self.recalibration.gain, self.recalibration.error);
+        let classified = self.structure.as_ref().map_or(0.0, |s| significant(s.nats, s.error));
+        rescaled.max(classified)
+    }
+
+    pub(super) fn strata(&self) -> Vec<MisfitStratum> {
+        let least = NEGLIGIBLE_NATS_PER_EVENT / 4.0;
+        with_structure(misfit_strata_of(&self.residuals, least), self.structure.as_ref(), least)
+    }
+}
+
+struct ResidualCollector<'a> {
+    evidence: &'a Evidence,
+    number: usize,
+    found: Vec<LocatedResidual>,
+}
+
+impl TermVisitor for ResidualCollector<'_> {
+    fn silence(&mut self, _block: usize, _compensator: f64) {}
+
+    fn event(&mut self, term: &HazardTerm) {
+        let pixel = &self.evidence.pixels[self.number];
+        let previous = term.index.checked_sub(1).map(|i| pixel.spikes[i]).map(|before| {
+            PreviousEvent { ago_s: (term.spike.t_us - before.t_us) as f64 * 1e-6, on: before.on }
+        });
+        self.found.push(LocatedResidual {
+            residual: Residual {
+                x: pixel.x,
+                y: pixel.y,
+                t_us: term.spike.t_us,
+                on: term.spike.on,
+                innovation: Some(term.change - 1.0),
+                log_hazard: term.log_hazard,
+                background_share: term.background_share,
+                compensator: term.compensator,
+                slope_per_s: term.slope_per_s,
+                level: term.level,
+                previous,
+            },
+            cell: self.evidence.cell(pixel, term.block),
+            held_out: self.evidence.is_held_out(pixel.tile, term.block),
+        });
+    }
+}
+
+fn residuals(evidence: &Evidence, model: &CameraModel) -> Vec<LocatedResidual> {
+    (0..evidence.pixels.len())
+        .into_par_iter()
+        .flat_map_iter(|number| {
+            let view = model.view(evidence, number, None);
+            let mut collector = ResidualCollector { evidence, number, found: Vec::new() };
+            let spikes = &evidence.pixels[number].spikes;
+            visit(&view.law, view.sampled(), spikes, &evidence.blocks, &mut collector);
+            collector.found
+        })
+        .collect()
+}
+
+/// Draws an event after each recorded one.
+struct NextEvents {
+    pairs: Vec<NextEventPair>,
+    random: SplitMix,
+    end_us: f64,
+    theta: [f64; 2],
+}
+
+impl TermVisitor for NextEvents {
+    fn silence(&mut self, _block: usize, _compensator: f64) {}
+
+    fn event(&mut self, term: &HazardTerm) {
+        if let Some(last) = self.pairs.last_mut().filter(|pair| pair.before + 1 == term.index) {
+            last.real = Some(SpikeContext {
+                spike: term.spike,
+                change: term.change * self.theta[usize::from(!term.spike.on)],
+                slope_per_s: term.slope_per_s,
+                level: term.level,
+            });
+        }
+    }
+
+    fn after(&mut self, pass: &PixelPass<'_>, index: usize) {
+        let drawn = pass.draw_next(self.end_us, &mut self.random).map(|drawn| SpikeContext {
+            spike: drawn.spike,
+            change: drawn.change * self.theta[usize::from(!drawn.spike.on)],
+            slope_per_s: drawn.slope_per_s,
+            level: drawn.level,
+        });
+        self.pairs.push(NextEventPair { before: index, real: None, drawn });
+    }
+}
+
+fn next_events(
+    evidence: &Evidence,
+    model: &CameraModel,
+    number: usize,
+    seed: u64,
+) -> (Vec<NextEventPair>, [f64; 2]) {
+    let view = model.view(evidence, number, None);
+    let mut next = NextEvents {
+        pairs: Vec::new(),
+        random: SplitMix::new(seed ^ NEXT_EVENT_STREAM, number as u64),
+        end_us: evidence.blocks.length_us() as f64,
+        theta: view.law.theta,
+    };
+    let spikes = &evidence.pixels[number].spikes;
+    visit(&view.law, view.sampled(), spikes, &evidence.blocks, &mut next);
+    (next.pairs, view.law.theta)
+}

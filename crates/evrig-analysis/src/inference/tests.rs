@@ -1,0 +1,100 @@
+//! The law against closed forms, and its smoothness.
+
+use super::law::{ComparatorLaw, softplus};
+use super::pass::{HazardTerm, TermVisitor, visit};
+use super::signal::SampledSignal;
+use crate::predict::{Spike, TimeBlocks};
+
+#[derive(Default)]
+struct LogLikelihood {
+    events: f64,
+    silences: f64,
+}
+
+impl TermVisitor for LogLikelihood {
+    fn silence(&mut self, _block: usize, compensator: f64) {
+        self.silences += compensator;
+    }
+    fn event(&mut self, term: &HazardTerm) {
+        self.events += term.log_hazard;
+    }
+}
+
+fn score(law: &ComparatorLaw, signal: &[f64], spikes: &[Spike]) -> LogLikelihood {
+    let level = vec![0.0; signal.len()];
+    let darkness = vec![1.0; signal.len()];
+    let sampled = SampledSignal {
+        start_us: 0.0,
+        step_us: 1_000.0,
+        signal,
+        level: &level,
+        darkness: &darkness,
+    };
+    let blocks = TimeBlocks::new(1_000 * signal.len() as i64, 3);
+    let mut sum = LogLikelihood::default();
+    visit(law, sampled, spikes, &blocks, &mut sum);
+    sum
+}
+
+fn law() -> ComparatorLaw {
+    ComparatorLaw {
+        noise: 0.02,
+        rest_share: 1.0,
+        stored_share: 0.0,
+        noise_rate_hz: 1.0,
+        background_hz: [0.0; 2],
+        ..ComparatorLaw::default()
+    }
+}
+
+#[test]
+fn a_steady_ramp_meets_logistic_thresholds() {
+    // 2.5 per second: the ON threshold of 0.25 is met after 100 ms.
+    let signal: Vec<f64> = (0..=120).map(|i| 2.5e-3 * f64::from(i)).collect();
+    let start = Spike { t_us: 0, on: true };
+    let silences = score(&law(), &signal, &[start]).silences;
+    // Survival of a logistic threshold at u = 0.3 / 0.25, of scale 0.02 / 0.25.
+    let expected = softplus((0.3 / 0.25 - 1.0) * 0.25 / 0.02);
+    assert!((silences / expected - 1.0).abs() < 1e-3, "{silences}, not {expected}");
+}
+
+#[test]
+fn the_score_has_no_cliff_where_the_signal_turns_at_the_threshold() {
+    // The signal touches 0.25 at 100 ms and returns; the event comes just behind the extremum.
+    let signal: Vec<f64> =
+        (0..=200).map(|i| 0.25 * (1.0 - (f64::from(i) / 100.0 - 1.0).powi(2))).collect();
+    let spikes = [Spike { t_us: 0, on: true }, Spike { t_us: 101_000, on: true }];
+    let at = |theta: f64| {
+        let sum = score(&ComparatorLaw { theta: [theta; 2], ..law() }, &signal, &spikes);
+        sum.events - sum.silences
+    };
+    let scores: Vec<f64> = (0..=40).map(|i| at(0.24 + 5e-4 * f64::from(i))).collect();
+    let steps: Vec<f64> = scores.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let bends = steps.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let largest = bends.fold(0.0, f64::max);
+    assert!(largest < 5e-3, "slope changes by {largest} nats from one step to the next");
+}
+
+#[test]
+fn a_refractory_period_takes_its_reference_at_its_end() {
+    let signal: Vec<f64> = (0..=120).map(|i| 2.5e-3 * f64::from(i)).collect();
+    let start = [Spike { t_us: 0, on: true }];
+    let refractory = ComparatorLaw { refractory_s: 0.02, onset_s: 2e-4, ..law() };
+    let with = score(&refractory, &signal, &start).silences;
+    let expected = softplus((0.25 / 0.25 - 1.0) * 0.25 / 0.02);
+    assert!((with / expected - 1.0).abs() < 1e-2, "{with}, not {expected}");
+}
+
+#[test]
+fn lost_events_advance_the_reference_level() {
+    // Two thresholds of change without a recorded event.
+    let signal: Vec<f64> = (0..=220).map(|i| 2.5e-3 * f64::from(i)).collect();
+    let start = [Spike { t_us: 0, on: true }];
+    let lossy = ComparatorLaw { loss: 0.1, ..law() };
+    let silences = score(&lossy, &signal, &start).silences;
+    // A tenth of the first crossings is lost; of those, a tenth of the second ones, or the second
+    // crossing is still to come at u = 0.3 / 0.25.
+    let pending = (-softplus((0.3 / 0.25 - 1.0) * 0.25 / 0.02)).exp();
+    let expected = -(0.1 * (pending + (1.0 - pending) * 0.1)).ln();
+    assert!((silences - expected).abs() < 0.02, "{silences}, not {expected}");
+}
