@@ -6,5 +6,8 @@ pub mod hdf5;
 pub mod npy;
 pub mod parquet;
 pub mod raw2event;
+mod table;
+pub mod text;
 
 pub use destination::Destination;
+pub use table::StoredTable;
