@@ -7,7 +7,7 @@ use crate::cli::{
 };
 use evrig_session::import::{
     FrameTimes, ImportEvents, ImportFrames, ImportRaw2Event, RecordingKind, detect, import_aedat4,
-    import_events, import_frames, import_raw2event,
+    import_event_folder, import_events, import_frames, import_raw2event,
 };
 use evrig_session::{Manifest, StreamName};
 use std::fmt::Write;
@@ -48,6 +48,11 @@ fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
             let what = "it holds recordings of the Raw2Event recorder; choose one with \
                         `evrig import raw2event DIRECTORY --id PART-OF-THE-NAME`";
             Err(WrongUse(format!("{}: {what}", args.path.display())).into())
+        }
+        RecordingKind::EventFolder => {
+            let options = events.options();
+            let manifest = import_event_folder(&args.path, args.size, &options, &args.out)?;
+            finish(&manifest, &args.out, output)
         }
         RecordingKind::Events => {
             let options = events.options();

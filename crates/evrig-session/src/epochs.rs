@@ -11,9 +11,6 @@ use std::str::FromStr;
 /// Deepest step back of a late packet, µs: cameras send packets of 10 ms.
 const MAX_LATENESS_US: i64 = 100_000;
 
-/// Shortest leap ahead at which a segment is cut, µs: what precedes it may be stray stamps.
-const MIN_LEAP_US: i64 = 1_000_000;
-
 /// A pause of a day is another recording.
 const MAX_PAUSE_US: i64 = 86_400_000_000;
 
@@ -94,7 +91,7 @@ impl EpochFinder {
             let is_restart = t < last.end.saturating_sub(MAX_LATENESS_US);
             self.n_restarts += usize::from(is_restart);
             // Beyond the limit the stream is unordered, and no further segment is kept.
-            let is_cut = is_restart || t > last.end.saturating_add(MIN_LEAP_US);
+            let is_cut = is_restart || t > last.end.saturating_add(MAX_LATENESS_US);
             if !is_cut || self.n_restarts > 4 * MAX_RESTARTS {
                 last.count += 1;
                 last.begin = last.begin.min(t);
@@ -166,7 +163,7 @@ fn continued(
         }
         // Only a few stamps between may be stray: behind more, the clock has restarted.
         n_between += segments[k].count;
-        if n_between > (n_before / 100).max(MAX_STRAY) {
+        if n_between > (n_before / 100).max(MAX_STRAY.min(n_before / 4)) {
             break;
         }
     }
@@ -295,12 +292,23 @@ mod tests {
 
     #[test]
     fn a_stray_stamp_leaves_what_follows_in_place() {
-        for stray in [i64::MAX / 2, 1 << 31, 2_000_000, -5] {
+        for stray in [i64::MAX / 2, 1 << 31, 10_700_000, 2_000_000, -5] {
             let t = [ramp(10_000_000, 2_000), vec![stray], ramp(10_200_000, 2_000)].concat();
             let mut found = counts(&t);
             found.sort_unstable();
             assert_eq!(found, [1, 4_000], "{stray}");
         }
+    }
+
+    #[test]
+    fn frames_are_parted_as_events_are() {
+        let frames = |n: i64| (0..n).map(|k| 200_000 * k).collect::<Vec<i64>>();
+        for n in [2, 3, 5, 10, 20, 200] {
+            assert_eq!(counts(&[frames(n), frames(n)].concat()), [n as u64; 2], "{n}");
+        }
+        let mut high = frames(40);
+        high[20] += 60_000_000;
+        assert_eq!(counts(&high), [39, 1]);
     }
 
     #[test]

@@ -101,7 +101,18 @@ impl StreamCounts {
             what: format!("{} {what}", self.kind),
             count,
         };
-        counted.into_iter().filter(|(count, _)| *count > 0).map(loss).collect()
+        let mut losses: Vec<DataLoss> =
+            counted.into_iter().filter(|(count, _)| *count > 0).map(loss).collect();
+        let epochs = self.epochs.clone().finish().main().len();
+        if epochs > 1 {
+            let what = "epochs: the device's clock restarted, and they are laid into each other";
+            losses.push(DataLoss {
+                stream: name.to_owned(),
+                what: what.into(),
+                count: epochs as u64,
+            });
+        }
+        losses
     }
 }
 

@@ -110,3 +110,64 @@ fn bit_unshuffle(data: &[u8], size: usize) -> Vec<u8> {
     }
     plain
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shuffle(data: &[u8], size: usize) -> Vec<u8> {
+        let n = data.len() / size;
+        (0..data.len()).map(|i| data[i % n * size + i / n]).collect()
+    }
+
+    /// A frame of blocks, each of parts as long as the layout demands.
+    fn frame(
+        codec: u8,
+        flags: u8,
+        size: u8,
+        n_bytes: usize,
+        block: usize,
+        parts: &[u8],
+    ) -> Vec<u8> {
+        let n_blocks = n_bytes.div_ceil(block);
+        let mut bytes = vec![2, 1, flags | (codec << 5), size];
+        let lengths = [n_bytes as u32, block as u32, (16 + 4 * n_blocks + parts.len()) as u32];
+        bytes.extend(lengths.iter().flat_map(|n| n.to_le_bytes()));
+        bytes.extend((0..n_blocks).flat_map(|_| (16 + 4 * n_blocks as u32).to_le_bytes()));
+        bytes.extend(parts);
+        bytes
+    }
+
+    fn part(data: &[u8]) -> Vec<u8> {
+        [&(data.len() as u32).to_le_bytes()[..], data].concat()
+    }
+
+    #[test]
+    fn split_shuffled_and_stored_frames_are_decompressed() {
+        let plain: Vec<u8> = (0..512_u32).flat_map(|i| (i / 3).to_le_bytes()).collect();
+        let shuffled = shuffle(&plain, 4);
+        let zstd = part(&zstd::bulk::compress(&shuffled, 3).unwrap());
+        let whole = frame(4, SHUFFLED | UNSPLIT, 4, plain.len(), plain.len(), &zstd);
+        assert_eq!(decompress(&whole, plain.len()).unwrap(), plain);
+        let lanes = shuffled.chunks(512);
+        let lz4: Vec<u8> = lanes.flat_map(|lane| part(&lz4_flex::block::compress(lane))).collect();
+        let split = frame(1, SHUFFLED, 4, plain.len(), plain.len(), &lz4);
+        assert_eq!(decompress(&split, plain.len()).unwrap(), plain);
+        let header = frame(1, STORED, 4, 8, 8, &[])[..HEADER_BYTES].to_vec();
+        assert_eq!(decompress(&[&header[..], &plain[..8]].concat(), 8).unwrap(), plain[..8]);
+        assert!(decompress(&split[..100], plain.len()).unwrap_err().contains("cut"));
+        assert!(decompress(&whole, 16).unwrap_err().contains("claims"));
+    }
+
+    #[test]
+    fn shuffled_bits_return_to_their_elements() {
+        let plain: Vec<u8> = (0..16_u16).flat_map(|i| (i * 1_000).to_le_bytes()).collect();
+        let mut bits = vec![0_u8; 32];
+        for (i, element) in plain.chunks(2).enumerate() {
+            for bit in 0..16 {
+                bits[bit * 2 + i / 8] |= ((element[bit / 8] >> (bit % 8)) & 1) << (i % 8);
+            }
+        }
+        assert_eq!(bit_unshuffle(&bits, 2), plain);
+    }
+}

@@ -4,13 +4,13 @@ use super::aedat4_epochs::PartedFile;
 use super::builder::SessionBuilder;
 use super::event_table::{check_overlap, check_stamps};
 use crate::epochs::EpochChoice;
-use crate::file_counts::{FileCounts, count_file};
+use crate::file_counts::{FileCounts, StreamCounts, count_file};
 use crate::manifest::file_name;
 use crate::{
     Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus,
     StreamEntry, StreamKind,
 };
-use evrig_format::aedat4::Reader;
+use evrig_format::aedat4::{Reader, StreamHeader};
 use serde_json::json;
 use std::path::Path;
 
@@ -53,7 +53,8 @@ pub fn import_aedat4(
     }
     check_counts(source, &found)?;
     let whole = manifest(&builder, source, &path, &found)?;
-    let PartedFile { losses, decisions } = parted;
+    let PartedFile { losses, mut decisions } = parted;
+    decisions.extend(named_streams(&whole.streams, &found));
     let losses = whole.losses.iter().cloned().chain(losses).collect();
     let manifest = Manifest { losses, decisions, ..whole };
     let mut journal = Journal::open(&builder.layout.journal())?;
@@ -61,6 +62,18 @@ pub fn import_aedat4(
         .note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
     builder.seal(&manifest)?;
     Ok(manifest)
+}
+
+/// The names of streams of which the file has several of a kind.
+fn named_streams(entries: &[StreamEntry], found: &FileCounts) -> Vec<String> {
+    let has_others =
+        |entry: &StreamEntry| entries.iter().filter(|other| other.kind == entry.kind).count() > 1;
+    let named = entries.iter().zip(&found.streams).filter(|(entry, _)| has_others(entry));
+    let decision = |(entry, counted): (&StreamEntry, &StreamCounts)| {
+        let StreamHeader { id, name, source, .. } = &counted.stream;
+        format!("stream {id} of the file (`{name}` of `{source}`) is `{}`", entry.name)
+    };
+    named.map(decision).collect()
 }
 
 /// Refuses events that no camera gives, and events and frames that share no time.

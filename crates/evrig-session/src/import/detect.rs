@@ -1,6 +1,7 @@
 //! What a file or folder holds, by its first bytes and its ending.
 
 use super::event_table::TABLE_ENDINGS;
+use super::imported_events::CameraFormat;
 use crate::SessionError;
 use evrig_format::npy::ArrayReader;
 use std::io::Read;
@@ -15,6 +16,8 @@ pub enum RecordingKind {
     Frames,
     /// A folder of the Raw2Event recorder.
     Raw2Event,
+    /// A folder in the layout of the Event-Camera Dataset: `events.txt`, `images.txt`, `images/`.
+    EventFolder,
     /// Events alone.
     Events,
 }
@@ -31,8 +34,10 @@ pub fn detect(path: &Path) -> Result<RecordingKind, SessionError> {
     let file = std::fs::File::open(path).map_err(SessionError::io(path))?;
     file.take(16).read_to_end(&mut start).map_err(SessionError::io(path))?;
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if start.starts_with(b"#!AER-DAT4") {
-        return Ok(RecordingKind::Aedat4);
+    match CameraFormat::of_file(path)? {
+        Some(CameraFormat::Aedat4) => return Ok(RecordingKind::Aedat4),
+        Some(_) => return Ok(RecordingKind::Events),
+        None => {}
     }
     if start.starts_with(b"\x93NUMPY") {
         let reader = ArrayReader::open(path)?;
@@ -50,8 +55,9 @@ pub fn detect(path: &Path) -> Result<RecordingKind, SessionError> {
     Err(SessionError::import(
         path,
         format!(
-            "is of no kind that is read; expected .aedat4, a table of events (.{}), an npy array of \
-             frames, or a folder of images; it begins with \"{}\"",
+            "is of no kind that is read; expected AEDAT 2, 3.1 or 4, Prophesee's .raw or .dat, a ROS 1 \
+             .bag, a table of events (.{}), an npy array of frames, or a folder of images; it begins \
+             with \"{}\"",
             TABLE_ENDINGS.join(", ."),
             start.escape_ascii()
         ),
@@ -65,5 +71,6 @@ fn detect_folder(folder: &Path) -> Result<RecordingKind, SessionError> {
     if names.iter().any(|name| name.starts_with("dv_output_") && name.ends_with(".aedat4")) {
         return Ok(RecordingKind::Raw2Event);
     }
-    Ok(RecordingKind::Frames)
+    let has = |name: &str| names.iter().any(|known| known == name);
+    Ok(if has("events.txt") { RecordingKind::EventFolder } else { RecordingKind::Frames })
 }

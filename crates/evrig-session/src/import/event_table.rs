@@ -236,6 +236,11 @@ impl EventRows {
             x.iter_mut().chain(&mut y).for_each(|v| *v -= 1);
         }
         let epochs = Epochs::of_stamps(&t_us);
+        let is_by_polarity = epochs.all.len() > 1 && are_of_one_polarity(&epochs, &on);
+        let choice = if is_by_polarity { EpochChoice::All } else { choice };
+        if is_by_polarity {
+            decisions.push("events of each polarity are in order of time; all were sorted".into());
+        }
         let mut losses = epochs.losses(stream, "events", choice)?;
         let mut events = Events::with_capacity(t_us.len());
         let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
@@ -268,6 +273,15 @@ impl EventRows {
         }
         Ok(ImportedEvents { events, size, losses, decisions })
     }
+}
+
+/// Whether every epoch holds events of one polarity: then the table was sorted by polarity.
+fn are_of_one_polarity(epochs: &Epochs, on: &[bool]) -> bool {
+    let mut found: Vec<Option<bool>> = vec![None; epochs.all.len()];
+    on.iter().enumerate().all(|(i, on)| {
+        let of_epoch = &mut found[epochs.epoch_of(i as u64)];
+        *of_epoch.get_or_insert(*on) == *on
+    })
 }
 
 /// Whether coordinates run from 1 to the side, as MATLAB counts.

@@ -8,9 +8,56 @@ use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_format::aedat4::{Content, PayloadKind, Reader};
+use evrig_format::{CameraEvents, aedat2, aedat3, prophesee, rosbag};
+use std::io::Read;
 use std::path::Path;
 
-/// Reads the events of a file, by its ending.
+/// Formats of cameras that hold events, told apart by their first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CameraFormat {
+    Aedat2,
+    Aedat3,
+    Aedat4,
+    Prophesee,
+    RosBag,
+}
+
+impl CameraFormat {
+    /// The format of a file that begins with these bytes.
+    pub(super) fn of_start(start: &[u8]) -> Option<Self> {
+        Some(match start {
+            _ if start.starts_with(b"#!AER-DAT4") => Self::Aedat4,
+            _ if aedat3::is_header(start) => Self::Aedat3,
+            _ if aedat2::is_header(start) => Self::Aedat2,
+            _ if rosbag::is_header(start) => Self::RosBag,
+            _ => return None,
+        })
+    }
+
+    /// The format of a file.
+    pub(super) fn of_file(path: &Path) -> Result<Option<Self>, SessionError> {
+        let mut start = Vec::new();
+        let file = std::fs::File::open(path).map_err(SessionError::io(path))?;
+        file.take(16).read_to_end(&mut start).map_err(SessionError::io(path))?;
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let is_binary = matches!(ending.as_deref(), Some("raw" | "dat"));
+        let is_prophesee = is_binary && prophesee::is_header(&start);
+        Ok(Self::of_start(&start).or(is_prophesee.then_some(Self::Prophesee)))
+    }
+
+    /// The format's name.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Aedat2 => "AEDAT 2",
+            Self::Aedat3 => "AEDAT 3.1",
+            Self::Aedat4 => "AEDAT4",
+            Self::Prophesee => "Prophesee",
+            Self::RosBag => "ROS bag",
+        }
+    }
+}
+
+/// Reads the events of a file, by its first bytes and its ending.
 pub(super) fn read(
     path: &Path,
     stream: &str,
@@ -18,15 +65,28 @@ pub(super) fn read(
     setting: EventSetting,
 ) -> Result<ImportedEvents, SessionError> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let format = CameraFormat::of_file(path)?;
+    let found = match format {
+        Some(CameraFormat::Aedat4) => return of_aedat4(path, stream, options, setting),
+        Some(CameraFormat::Aedat2) => Some(aedat2::read_events(path, setting.size)?),
+        Some(CameraFormat::Aedat3) => Some(aedat3::read_events(path)?),
+        Some(CameraFormat::Prophesee) => Some(prophesee::read_events(path)?),
+        Some(CameraFormat::RosBag) => Some(rosbag::read_events(path, options.table.as_deref())?),
+        None => None,
+    };
+    if let Some(found) = found {
+        refuse_table_options(path, options)?;
+        return of_camera(path, stream, options, setting, found);
+    }
     match ending.as_str() {
-        "aedat4" => of_aedat4(path, stream, options, setting),
         ending if event_table::TABLE_ENDINGS.contains(&ending) => {
             event_table::read(path, stream, options, setting)
         }
         _ => Err(SessionError::import(
             path,
             format!(
-                "events are read from .aedat4 and from tables: .{}; not from `.{ending}`",
+                "events are read from AEDAT 2, 3.1 and 4, Prophesee's .raw and .dat, ROS 1 .bag and \
+                 from tables: .{}; `.{ending}` is none of them",
                 event_table::TABLE_ENDINGS.join(", .")
             ),
         )),
@@ -74,6 +134,38 @@ fn of_aedat4(
     let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
     let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
     found.losses.extend(damage.map(loss));
+    Ok(found)
+}
+
+/// Events of a camera's own format, on its sensor or the smallest grid that holds them.
+fn of_camera(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+    camera: CameraEvents,
+) -> Result<ImportedEvents, SessionError> {
+    let CameraEvents { events, size, left_out, damage, mut decisions } = camera;
+    if events.is_empty() {
+        let what = damage.unwrap_or_else(|| "holds no events".into());
+        return Err(SessionError::import(path, what));
+    }
+    let size = match setting.size.or(size) {
+        Some(size) => size,
+        None => {
+            let side = |values: &[u16]| values.iter().copied().max().unwrap_or(0).saturating_add(1);
+            let size = Size::new(side(events.as_slice().x), side(events.as_slice().y));
+            let what = "by its outermost events; see --size";
+            decisions.push(format!("the sensor has {size} pixels, {what}"));
+            size
+        }
+    };
+    let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
+    let loss = |what, count| DataLoss { stream: stream.to_owned(), what, count };
+    found.losses.extend(damage.map(|what| loss(what, 0)));
+    let left_out = left_out.into_iter();
+    decisions.extend(left_out.map(|(what, n)| format!("left out: {n} {what}, which are not read")));
+    found.decisions = decisions;
     Ok(found)
 }
 
