@@ -24,18 +24,19 @@ pub struct ImportArgs {
 
     /// A recording of any kind that is read; see docs/how-to/import-recordings.md
     #[command(flatten)]
-    pub any: Option<ImportAnyArgs>,
+    pub any: ImportAnyArgs,
 }
 
 /// Arguments of `evrig import PATH`.
 #[derive(Debug, Args)]
 pub struct ImportAnyArgs {
     /// A recording, a table of events, frames, or a folder of them
-    pub path: PathBuf,
+    #[arg(required = true)]
+    pub path: Option<PathBuf>,
 
     /// The session directory to create
-    #[arg(long, value_name = "SESSION")]
-    pub out: PathBuf,
+    #[arg(long, value_name = "SESSION", required = true)]
+    pub out: Option<PathBuf>,
 
     /// Size of the sensor, where the file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]

@@ -14,32 +14,34 @@ use std::fmt::Write;
 use std::path::Path;
 
 pub(super) fn run(args: &ImportArgs, output: &Output) -> anyhow::Result<Ending> {
-    match (&args.what, &args.any) {
-        (Some(ImportCommand::Aedat4(args)), _) => aedat4(args, output),
-        (Some(ImportCommand::Frames(args)), _) => frames(args, output),
-        (Some(ImportCommand::Raw2Event(args)), _) => raw2event(args, output),
-        (None, Some(args)) => any(args, output),
-        (None, None) => Err(WrongUse("give the recording to import".into()).into()),
+    match &args.what {
+        Some(ImportCommand::Aedat4(args)) => aedat4(args, output),
+        Some(ImportCommand::Frames(args)) => frames(args, output),
+        Some(ImportCommand::Raw2Event(args)) => raw2event(args, output),
+        None => any(&args.any, output),
     }
 }
 
 /// Finds out what a path holds and imports it.
 fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
+    let (Some(path), Some(out)) = (&args.path, &args.out) else {
+        return Err(WrongUse("give the recording to import, and --out".into()).into());
+    };
     let events = args.events.clone();
-    match detect(&args.path)? {
+    match detect(path)? {
         RecordingKind::Aedat4 => {
-            let (file, out) = (args.path.clone(), args.out.clone());
+            let (file, out) = (path.clone(), out.clone());
             aedat4(&ImportAedat4Args { file, out, epoch: events.epoch }, output)
         }
         RecordingKind::Frames => {
             let args = ImportFramesArgs {
-                frames: args.path.clone(),
+                frames: path.clone(),
                 fps: args.fps,
                 timestamps: args.timestamps.clone(),
                 timestamps_unit: None,
                 events: None,
                 events_name: "real".into(),
-                out: args.out.clone(),
+                out: out.clone(),
                 event_options: events,
             };
             frames(&args, output)
@@ -47,18 +49,18 @@ fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
         RecordingKind::Raw2Event => {
             let what = "it holds recordings of the Raw2Event recorder; choose one with \
                         `evrig import raw2event DIRECTORY --id PART-OF-THE-NAME`";
-            Err(WrongUse(format!("{}: {what}", args.path.display())).into())
+            Err(WrongUse(format!("{}: {what}", path.display())).into())
         }
         RecordingKind::EventFolder => {
             let options = events.options();
-            let manifest = import_event_folder(&args.path, args.size, &options, &args.out)?;
-            finish(&manifest, &args.out, output)
+            let manifest = import_event_folder(path, args.size, &options, out)?;
+            finish(&manifest, out, output)
         }
         RecordingKind::Events => {
             let options = events.options();
-            let request = ImportEvents { file: &args.path, size: args.size, options };
-            let manifest = import_events(&request, &args.out)?;
-            finish(&manifest, &args.out, output)
+            let request = ImportEvents { file: path, size: args.size, options };
+            let manifest = import_events(&request, out)?;
+            finish(&manifest, out, output)
         }
     }
 }
