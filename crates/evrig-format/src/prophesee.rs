@@ -43,6 +43,8 @@ struct FileHeader {
     text: String,
     width: Option<u16>,
     height: Option<u16>,
+    /// Added to every time, µs, as faery writes it.
+    t0: Option<i64>,
 }
 
 /// Reads the events of a file.
@@ -71,6 +73,11 @@ pub fn read_events(path: &Path) -> Result<CameraEvents, CameraFileError> {
         }
     };
     found.damage = damage.map_err(CameraFileError::io(path))?;
+    if let Some(t0) = header.t0.filter(|t0| *t0 != 0) {
+        let moved = |event: Event| Event { t: event.t.saturating_add(t0), ..event };
+        found.events = found.events.as_slice().iter().map(moved).collect();
+        found.decisions.push(format!("the header's t0 of {t0} us is added to the times"));
+    }
     Ok(found)
 }
 
@@ -127,6 +134,7 @@ impl FileHeader {
             match *pair {
                 ["width", n] => self.width = n.parse().ok(),
                 ["height", n] => self.height = n.parse().ok(),
+                ["t0", n] => self.t0 = n.parse().ok(),
                 ["geometry", size] => {
                     if let Some((w, h)) = size.split_once('x') {
                         (self.width, self.height) = (w.parse().ok(), h.parse().ok());

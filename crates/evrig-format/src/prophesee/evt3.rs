@@ -16,6 +16,10 @@ const TRIGGER: u16 = 0xa;
 /// Bits of each half of the time, which wraps after 16.8 s.
 const HALF_BITS: u32 = 12;
 
+/// A step back of the lower half without a word for the upper one is its wrap. Cameras send that
+/// word every 16 us; expelliarmus writes it once.
+const MIN_LOW_WRAP: i64 = 1 << (HALF_BITS - 2);
+
 /// Decodes EVT 3.0.
 #[derive(Debug, Default)]
 pub(super) struct Evt3 {
@@ -25,6 +29,8 @@ pub(super) struct Evt3 {
     low: i64,
     high: Option<i64>,
     n_wraps: i64,
+    /// Whether the upper half came since the last lower one.
+    is_high_new: bool,
 }
 
 impl Evt3 {
@@ -39,7 +45,14 @@ impl Evt3 {
         if self.high != Some(high) {
             self.low = 0;
         }
-        self.high = Some(high);
+        (self.high, self.is_high_new) = (Some(high), true);
+    }
+
+    fn set_low(&mut self, low: i64) {
+        if !self.is_high_new && self.low - low > MIN_LOW_WRAP {
+            self.high = self.high.map(|high| high + 1);
+        }
+        (self.low, self.is_high_new) = (low, false);
     }
 
     fn vector(&mut self, valid: u16, n: u16, into: &mut CameraEvents) -> u64 {
@@ -79,7 +92,7 @@ impl WordDecoder for Evt3 {
                 VECTOR_BASE_X => (self.base_x, self.on) = (word & 0x7ff, word & 0x800 != 0),
                 VECTOR_12 => n_before += self.vector(word & 0xfff, 12, into),
                 VECTOR_8 => n_before += self.vector(word & 0xff, 8, into),
-                TIME_LOW => self.low = i64::from(word & 0xfff),
+                TIME_LOW => self.set_low(i64::from(word & 0xfff)),
                 TIME_HIGH => self.set_high(i64::from(word & 0xfff)),
                 TRIGGER => n_triggers += 1,
                 _ => {}

@@ -79,6 +79,16 @@ fn evt3_vectors_and_wraps_are_decoded() {
 }
 
 #[test]
+fn a_lower_half_that_steps_back_carries_where_the_upper_one_is_missing() {
+    let words: [u16; 8] = [0x8000, 0x6ff0, 0x0001, 0x2001, 0x6010, 0x2002, 0x600f, 0x2003];
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let found = read("a.raw", "% evt 3.0 \n", &bytes);
+    assert_eq!(found.events.as_slice().t, [0xff0, 0x1010, 0x100f]);
+    let later = read("a.raw", "% evt 3.0\n% t0 91\n", &bytes);
+    assert_eq!(later.events.as_slice().t, [0xff0 + 91, 0x1010 + 91, 0x100f + 91]);
+}
+
+#[test]
 fn dat_events_are_eight_bytes() {
     let event = |t: u32, x: u32, y: u32, p: u32| [t, x | (y << 14) | (p << 28)];
     let words = [event(u32::MAX, 303, 239, 1), event(4, 1, 2, 0)].concat();

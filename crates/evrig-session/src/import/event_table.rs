@@ -135,8 +135,10 @@ fn decide_unit(
     options: &EventTableOptions,
 ) -> Result<(TimeUnit, String), String> {
     let (range, resolution) = match t {
-        Column::Int(values) => (range(values.iter().map(|t| *t as f64)), StampResolution::Whole),
-        Column::Float(values) => (range(values.iter().copied()), resolution(values)),
+        Column::Int(values) => {
+            (range(values.iter().map(|t| *t as f64).collect()), StampResolution::Whole)
+        }
+        Column::Float(values) => (range(values.clone()), resolution(values)),
     };
     // Events that are shifted are not where the frames are.
     let is_shifted = options.begin_us.is_some() || offset_us != 0;
@@ -146,9 +148,20 @@ fn decide_unit(
     evidence.decide(stated)
 }
 
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[min, max], t| [min.min(t), max.max(t)])
+/// Range of the middle eight tenths of the times, which a few stray stamps do not change; of all
+/// where they are few.
+fn range(mut t: Vec<f64>) -> [f64; 2] {
+    let n_outer = if t.len() < MIN_EVENTS_FOR_TENTHS { 0 } else { t.len() / 10 };
+    let last = t.len().saturating_sub(1);
+    let mut nth = |i: usize| {
+        let (_, value, _) = t.select_nth_unstable_by(i, f64::total_cmp);
+        *value
+    };
+    [nth(n_outer), nth(last - n_outer)]
 }
+
+/// Fewer events have no tenths.
+const MIN_EVENTS_FOR_TENTHS: usize = 20;
 
 fn resolution(values: &[f64]) -> StampResolution {
     let is_near_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);

@@ -50,6 +50,14 @@ pub(super) fn decide(
             let column = of_names(images).ok_or_else(|| {
                 SessionError::import(&path, "the names of the images hold no one number each")
             })?;
+            let is_count = super::images::steps(images).is_some_and(|steps| {
+                let last = steps.last().copied().unwrap_or(0);
+                images.last().and_then(|image| image.number) < Some(2 * last + images.len() as u64)
+            });
+            if is_count && unit.is_none() {
+                let what = "the numbers in the names count frames; give their rate with --fps";
+                return Err(SessionError::import(&path, what));
+            }
             (path, column, None)
         }
     };
@@ -66,7 +74,7 @@ pub(super) fn decide(
     if let Some(i) = t_us.windows(2).position(|pair| pair[1] <= pair[0]) {
         return Err(wrong(format!(
             "frame {} at {} us is not later than frame {i} at {} us (times read in {unit}); \
-             expected ascending times, leave the frame out or give the unit with --time-unit",
+             expected ascending times, leave the frame out or give the unit with --timestamps-unit",
             i + 1,
             t_us[i + 1],
             t_us[i]
@@ -106,7 +114,7 @@ fn decide_unit(
     stated: Option<(TimeUnit, String)>,
 ) -> Result<(TimeUnit, String), String> {
     if let Some(unit) = given {
-        return Ok((unit, format!("frame times are in {unit} (--time-unit)")));
+        return Ok((unit, format!("frame times are in {unit} (--timestamps-unit)")));
     }
     if let Some((unit, place)) = stated {
         return Ok((unit, format!("frame times are in {unit} ({place})")));
@@ -116,6 +124,11 @@ fn decide_unit(
         Column::Float(values) => values.clone(),
     };
     let is_whole = values.iter().all(|value| value.fract() == 0.0);
+    if is_whole && values.len() > 2 && values.windows(2).all(|pair| pair[1] - pair[0] == 1.0) {
+        return Err("counts frames, one by one; give their rate with --fps instead, or state the \
+                    unit of these times with --timestamps-unit"
+            .into());
+    }
     let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.retain(|step| *step > 0.0);
     steps.sort_by(f64::total_cmp);
@@ -136,7 +149,7 @@ fn decide_unit(
         Some(unit) if !micros_fit => Ok((unit, why(unit))),
         None if micros_fit => Ok((micros, why(micros))),
         other => Err(format!(
-            "frames are {step} apart, which could be {}; state it with --time-unit s, ms, us or ns",
+            "frames are {step} apart, which could be {}; state it with --timestamps-unit s, ms, us or ns",
             other.map_or("any unit".to_owned(), |unit| format!("us or {unit}"))
         )),
     }
@@ -290,6 +303,8 @@ mod tests {
     fn times_that_fit_two_units_or_columns_are_refused() {
         let error = read("0\n1000000\n2000000\n").unwrap_err();
         assert!(error.contains("us or ns"), "{error}");
+        let error = read("0\n1\n2\n3\n").unwrap_err();
+        assert!(error.contains("--fps"), "{error}");
         let error = read("5 10\n6 8343\n8 16676\n").unwrap_err();
         assert!(error.contains("2 columns of numbers"), "{error}");
     }

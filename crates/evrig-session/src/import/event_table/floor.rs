@@ -80,7 +80,9 @@ pub(crate) fn check_area(events: EventSlice<'_>, size: Size) -> Result<(), Strin
 /// # Errors
 /// With the largest coordinates.
 pub(super) fn check_grid(x: &[i64], y: &[i64], n_outside: u64, size: Size) -> Result<(), String> {
-    if 2 * n_outside <= x.len() as u64 {
+    let fits = |values: &[i64], side: u16| values.iter().all(|v| (0..side.into()).contains(v));
+    let is_turned = 100 * n_outside > x.len() as u64 && fits(x, size.height) && fits(y, size.width);
+    if 2 * n_outside <= x.len() as u64 && !is_turned {
         return Ok(());
     }
     let most = |values: &[i64]| values.iter().copied().max().unwrap_or(0);

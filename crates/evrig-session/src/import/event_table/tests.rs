@@ -118,6 +118,23 @@ fn tables_of_no_event_camera_are_refused() {
 }
 
 #[test]
+fn one_high_stamp_changes_neither_the_unit_nor_the_others() {
+    let mut stray = table(USUAL, ["t", "x", "y", "p"], |t| t as f64);
+    let Column::Int(t) = &mut stray.columns[0].1 else { panic!("whole numbers") };
+    t[100] = 1_000_000_000_000;
+    let found = read(stray, FRAMES).unwrap();
+    assert_eq!((found.events.len(), found.losses[0].count), (199, 1));
+    assert_eq!(found.events.as_slice().t[198], 99_500);
+}
+
+#[test]
+fn rows_named_columns_are_refused() {
+    let turned = table([0, 2, 1, 3], ["t", "y", "x", "p"], |t| t as f64);
+    let error = read(turned, FRAMES).unwrap_err();
+    assert!(error.contains("another order"), "{error}");
+}
+
+#[test]
 fn minus_one_is_off_also_where_it_is_wrapped() {
     for off in [-1, 255, 4_294_967_295] {
         let mut wrapped = table(USUAL, UNNAMED, |t| t as f64);
