@@ -1,7 +1,7 @@
 //! ROS 1 bags with events: `dvs_msgs/EventArray` and `prophesee_event_msgs/EventArray`.
 //!
-//! Layout: <http://wiki.ros.org/Bags/Format/2.0>. Records are read in file order, so that a bag that
-//! was cut, and has no index, is read up to the cut; the crate `rosbag` needs the index.
+//! Layout: <http://wiki.ros.org/Bags/Format/2.0>. Records are read in file order, so that a bag
+//! that was cut, and has no index, is read up to the cut; the crate `rosbag` needs the index.
 
 use crate::{CameraEvents, CameraFileError};
 use evrig_core::event::Event;

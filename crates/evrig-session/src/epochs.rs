@@ -266,7 +266,7 @@ impl Epochs {
 
 /// Whether stamps are too few to be an epoch beside the chosen one.
 fn is_stray(count: u64, n_chosen: u64) -> bool {
-    count <= MAX_STRAY && 10 * count <= n_chosen
+    count <= MAX_STRAY && 4 * count <= n_chosen
 }
 
 #[cfg(test)]

@@ -42,3 +42,59 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
 pub(super) fn find_packet(bytes: &[u8], signature: &PacketSignature) -> Option<usize> {
     (0..bytes.len().saturating_sub(8)).find(|at| signature.is_at(&bytes[*at..]))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::aedat4::{Compression, Content, Reader, StreamSpec, Writer};
+    use evrig_core::event::{Event, Events};
+    use evrig_core::geometry::Size;
+
+    const N_PACKETS: usize = 9;
+
+    /// A closed file of packets of 500 events each, and where its packets begin.
+    fn file(compression: Compression) -> (Vec<u8>, Vec<usize>) {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.aedat4");
+        let specs = [StreamSpec::events(Size::new(64, 48), "DAVIS346_0")];
+        let mut writer = Writer::create(&path, compression, &specs).unwrap();
+        for k in 0..N_PACKETS as i64 {
+            let event = |i: i64| Event {
+                t: k * 50_000 + i * 97,
+                x: (i * 31 % 64) as u16,
+                y: (i * 17 % 48) as u16,
+                on: i % 3 == 0,
+            };
+            let events: Events = (0..500).map(event).collect();
+            writer.write_events(0, events.as_slice()).unwrap();
+        }
+        writer.finish().unwrap();
+        let starts = Reader::open(&path).unwrap().map(|p| p.unwrap().offset as usize).collect();
+        (std::fs::read(&path).unwrap(), starts)
+    }
+
+    /// Packets of events read, damaged packets, and whether reading ended with an error.
+    fn drain(bytes: &[u8]) -> (usize, u64, bool) {
+        let mut reader = Reader::new(bytes, "file").unwrap();
+        let packets: Vec<_> = reader.by_ref().collect();
+        let is_events = |p: &Content| matches!(p, Content::Events(events) if events.len() == 500);
+        let n = packets.iter().flatten().filter(|packet| is_events(&packet.content)).count();
+        (n, reader.losses().damaged_packets, packets.iter().any(Result::is_err))
+    }
+
+    #[test]
+    fn reading_goes_on_behind_a_damaged_head_or_payload() {
+        for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+            let (whole, starts) = file(compression);
+            assert_eq!(starts.len(), N_PACKETS);
+            assert_eq!(drain(&whole), (N_PACKETS, 0, false));
+            // Stream, length, and the first bytes of the payload.
+            for place in [0, 4, 8] {
+                let mut damaged = whole.clone();
+                damaged[starts[4] + place..][..8].fill(0xff);
+                assert_eq!(drain(&damaged), (N_PACKETS - 1, 1, false), "{compression:?} {place}");
+            }
+            let (n, n_damaged, has_error) = drain(&whole[..starts[6] + 30]);
+            assert_eq!((n, n_damaged, has_error), (6, 0, true), "{compression:?}");
+        }
+    }
+}

@@ -90,6 +90,9 @@ fn epoch_of_its_own(
     if leads {
         return Some(chosen);
     }
+    if epochs.all.len() == leading.all.len() {
+        return Some(chosen);
+    }
     let (own, main) = (epochs.main(), leading.main());
     let place = main.iter().position(|epoch| *epoch == chosen)?;
     (own.len() == main.len()).then(|| own[place])
@@ -161,5 +164,80 @@ impl StreamPart {
             }
             Content::Unknown { .. } => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::import::{EpochChoice, import_aedat4};
+    use crate::{Manifest, Session};
+    use evrig_core::event::{Event, Events};
+    use evrig_core::frame::{Frame, FrameTiming, Samples};
+    use evrig_core::geometry::Size;
+    use evrig_core::time::Stamp;
+    use evrig_format::aedat4::{Compression, StreamSpec, Writer};
+    use std::path::Path;
+
+    const SIZE: Size = Size::new(64, 48);
+
+    /// Ten frames 40 ms apart with 400 events each, stamped by `clock`; stream 0 holds the events.
+    fn recording(path: &Path, clock: impl Fn(i64) -> i64, frame_clock: impl Fn(i64) -> i64) {
+        let specs =
+            [StreamSpec::events(SIZE, "DAVIS346_0"), StreamSpec::frames(SIZE, "DAVIS346_0")];
+        let mut writer = Writer::create(path, Compression::Lz4, &specs).unwrap();
+        for k in 0..10 {
+            let timing = FrameTiming::from_stamp(Stamp::from_micros(frame_clock(k * 40_000)));
+            let samples = Samples::U8(vec![k as u8; SIZE.n_pixels()]);
+            writer.write_frame(1, &Frame::gray(timing, SIZE, samples)).unwrap();
+            let event = |j: i64| Event {
+                t: clock(k * 40_000 + j * 100),
+                x: (j * 37 % 64) as u16,
+                y: (j * 53 % 48) as u16,
+                on: j % 2 == 0,
+            };
+            let events: Events = (0..400).map(event).collect();
+            writer.write_events(0, events.as_slice()).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    /// Imports; the counts of events and frames, and the manifest.
+    fn import(
+        clock: impl Fn(i64) -> i64,
+        frame_clock: impl Fn(i64) -> i64,
+        choice: EpochChoice,
+    ) -> ([usize; 2], Manifest) {
+        let directory = tempfile::tempdir().unwrap();
+        let (path, root) = (directory.path().join("a.aedat4"), directory.path().join("s"));
+        recording(&path, clock, frame_clock);
+        let manifest = import_aedat4(&path, &root, choice, &mut |_| {}).unwrap();
+        let session = Session::open(&root).unwrap();
+        let (events, _) = session.events("real").unwrap();
+        let frames = session.davis_frames("aps").unwrap().count();
+        ([events.len(), frames], manifest)
+    }
+
+    #[test]
+    fn a_restarted_clock_is_imported_epoch_by_epoch() {
+        let restarted = |t: i64| if t < 160_000 { t + 1_000 } else { t - 159_000 };
+        let (counts, manifest) = import(restarted, restarted, EpochChoice::Longest);
+        assert_eq!(counts, [2_400, 6]);
+        assert!(manifest.losses[0].what.contains("--epoch 1"), "{:?}", manifest.losses);
+        let (counts, _) = import(restarted, restarted, EpochChoice::Number(1));
+        assert_eq!(counts, [1_600, 4]);
+        let (counts, manifest) = import(restarted, restarted, EpochChoice::All);
+        assert_eq!(counts, [4_000, 10]);
+        assert!(manifest.losses.iter().any(|loss| loss.what.contains("restarted")));
+    }
+
+    #[test]
+    fn stray_stamps_of_either_stream_are_left_out() {
+        let same = |t: i64| t;
+        let high = |t: i64| if t == 120_000 { t + 10_000_000_000 } else { t };
+        assert_eq!(import(same, high, EpochChoice::Longest).0, [4_000, 9]);
+        assert_eq!(import(high, same, EpochChoice::Longest).0, [3_999, 10]);
+        let earlier_run = |t: i64| if t < 40_000 { t + 500_000_000 } else { t };
+        let counts = import(earlier_run, earlier_run, EpochChoice::Longest).0;
+        assert_eq!(counts, [3_600, 9]);
     }
 }

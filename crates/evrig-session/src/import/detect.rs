@@ -55,9 +55,9 @@ pub fn detect(path: &Path) -> Result<RecordingKind, SessionError> {
     Err(SessionError::import(
         path,
         format!(
-            "is of no kind that is read; expected AEDAT 2, 3.1 or 4, Prophesee's .raw or .dat, a ROS 1 \
-             .bag, a table of events (.{}), an npy array of frames, or a folder of images; it begins \
-             with \"{}\"",
+            "is of no kind that is read; expected AEDAT 2, 3.1 or 4, Prophesee's .raw or .dat, a \
+             ROS 1 .bag, a table of events (.{}), an npy array of frames, or a folder of images; it \
+             begins with \"{}\"",
             TABLE_ENDINGS.join(", ."),
             start.escape_ascii()
         ),

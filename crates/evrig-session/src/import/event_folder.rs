@@ -1,7 +1,7 @@
 //! A folder in the layout of the Event-Camera Dataset (Mueggler et al. 2017) becomes a session.
 //!
-//! `events.txt` holds t, x, y, p, `images.txt` the time and the path of each image of `images/`. IMU,
-//! ground truth and calibration are not read.
+//! `events.txt` holds t, x, y, p, `images.txt` the time and the path of each image of `images/`.
+//! IMU, ground truth and calibration are not read.
 
 use super::event_file::{ImportEvents, import_events};
 use super::event_table::EventTableOptions;

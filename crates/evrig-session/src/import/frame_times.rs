@@ -149,7 +149,8 @@ fn decide_unit(
         Some(unit) if !micros_fit => Ok((unit, why(unit))),
         None if micros_fit => Ok((micros, why(micros))),
         other => Err(format!(
-            "frames are {step} apart, which could be {}; state it with --timestamps-unit s, ms, us or ns",
+            "frames are {step} apart, which could be {}; state it with --timestamps-unit s, ms, \
+             us or ns",
             other.map_or("any unit".to_owned(), |unit| format!("us or {unit}"))
         )),
     }

@@ -250,7 +250,8 @@ fn check_kind(path: &Path) -> Result<(), SessionError> {
              passthrough frames/%06d.png, then give the folder and the video's rate with --fps"
         ),
         "raw" | "bin" | "yuv" | "dng" => "holds frames without a description: rows may be padded, \
-             and samples packed to 10 or 12 bits; unpack them into an npy array of N x H x W, uint16"
+             and samples packed to 10 or 12 bits; unpack them into an npy array of N x H x W, \
+             uint16"
             .into(),
         "npz" => "is an archive of arrays; save the frames alone with numpy.save".into(),
         _ => return Ok(()),
