@@ -153,7 +153,10 @@ fn by_data(table: &StoredTable, size: Option<Size>) -> Result<ColumnAssignment, 
             && facts[t].can_be_time()
     };
     const USUAL: [usize; 4] = [0, 1, 2, 3];
-    if table.n_rows() < MIN_ROWS_FOR_ORDER && fits(USUAL) {
+    // Of a few rows nothing is known but the usual order; a wrong polarity is named as such.
+    let fits_but_polarity = facts[1].can_be_coordinate(None) && facts[2].can_be_coordinate(None);
+    let is_short = table.n_rows() < MIN_ROWS_FOR_ORDER;
+    if is_short && (fits(USUAL) || (fits_but_polarity && !facts[3].can_be_polarity())) {
         return Ok(found(USUAL, "the usual order"));
     }
     let mut fitting: Vec<[usize; 4]> = orders().filter(|order| fits(*order)).collect();

@@ -261,7 +261,7 @@ impl TimeEvidence {
     /// Whether another unit than µs explains the data much better.
     fn is_better(&self, unit: TimeUnit) -> bool {
         let micros = TimeUnit::Microseconds;
-        if unit == micros {
+        if unit == micros || self.n < MIN_EVENTS_FOR_RATE {
             return false;
         }
         if self.frames_us.is_some() {
@@ -271,7 +271,7 @@ impl TimeEvidence {
         let is_ordinary =
             (ORDINARY_RATES[0]..ORDINARY_RATES[1]).contains(&self.rate_per_pixel(unit));
         let is_doubtful = self.rate_per_pixel(micros) < DOUBTFUL_RATE;
-        self.n >= MIN_EVENTS_FOR_RATE && is_ordinary && is_doubtful
+        is_ordinary && is_doubtful
     }
 
     fn describe(&self, what: &str) -> String {
