@@ -199,7 +199,13 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
             let what = format!("it holds {}; only --format npz, uncut, takes them", entry.kind);
             return Err(unfit(session, request, what));
         }
-        let arrays = npz::recorded(session, entry, &request.out)?.ok_or_else(|| {
+        let is_logged = entry.kind == StreamKind::Frames && entry.file.ends_with(".mcap");
+        let arrays = if is_logged {
+            Some(pi_frames::write(session, entry, &request.out)?)
+        } else {
+            npz::recorded(session, entry, &request.out)?
+        };
+        let arrays = arrays.ok_or_else(|| {
             let what = format!("it holds {}; rig.mcap is their format already", entry.kind);
             unfit(session, request, what)
         })?;

@@ -119,9 +119,6 @@ fn frames(
     if entry.file.ends_with(".npy") {
         return imported_frames(session, entry, out);
     }
-    if entry.file.ends_with(".mcap") {
-        return super::pi_frames::write(session, entry, out);
-    }
     let changed = |what: String| SessionError::import(&session.root().join(&entry.file), what);
     let mut times = Vec::new();
     let mut exposures = Vec::new();

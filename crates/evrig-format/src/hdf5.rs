@@ -34,7 +34,7 @@ const COLUMN_NAMES: [&[&str]; 4] = [
 const MAX_DEPTH: usize = 5;
 
 /// A file open for reading.
-struct EventFile<'a> {
+struct Hdf5EventFile<'a> {
     path: &'a Path,
     file: File,
 }
@@ -47,7 +47,7 @@ struct EventFile<'a> {
 pub fn read_events(path: &Path, table: Option<&str>) -> Result<StoredTable, Hdf5Error> {
     let wrong = |what: String| Hdf5Error { path: path.to_owned(), what };
     let file = File::open_streaming(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
-    let file = EventFile { path, file };
+    let file = Hdf5EventFile { path, file };
     let mut names = Vec::new();
     file.search(&file.file.root(), "", 0, &mut names);
     let name = match (table, names.as_slice()) {
@@ -76,7 +76,7 @@ pub fn read_events(path: &Path, table: Option<&str>) -> Result<StoredTable, Hdf5
     file.read(name).map_err(wrong)
 }
 
-impl EventFile<'_> {
+impl Hdf5EventFile<'_> {
     /// Names of all event tables below a group.
     fn search(&self, group: &Group, name: &str, depth: usize, found: &mut Vec<String>) {
         if depth > MAX_DEPTH {

@@ -32,7 +32,7 @@ pub fn is_header(start: &[u8]) -> bool {
 
 /// A connection's topic and message type.
 #[derive(Debug, Clone)]
-struct Connection {
+struct BagConnection {
     topic: String,
     kind: String,
 }
@@ -40,7 +40,7 @@ struct Connection {
 /// What was found so far.
 #[derive(Debug, Default)]
 struct BagEvents {
-    connections: BTreeMap<u32, Connection>,
+    connections: BTreeMap<u32, BagConnection>,
     /// By topic.
     events: BTreeMap<String, CameraEvents>,
     others: BTreeMap<String, u64>,
@@ -157,7 +157,7 @@ impl BagEvents {
                 };
                 let topic = text(record.fields.get(&b"topic"[..]));
                 let kind = text(fields(record.data).get(&b"type"[..]));
-                self.connections.insert(id, Connection { topic, kind });
+                self.connections.insert(id, BagConnection { topic, kind });
                 Ok(())
             }
             (MESSAGE, Some(id)) => self.take_message(id, record.data),

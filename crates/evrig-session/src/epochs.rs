@@ -52,7 +52,7 @@ impl FromStr for EpochChoice {
 
 /// A run of stamps without a restart or a leap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Segment {
+struct StampRun {
     first_index: u64,
     count: u64,
     begin: i64,
@@ -71,7 +71,7 @@ pub(crate) struct Epoch {
 /// Cuts stamps into segments as they come.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct EpochFinder {
-    segments: Vec<Segment>,
+    segments: Vec<StampRun>,
     n: u64,
     n_restarts: usize,
 }
@@ -79,7 +79,7 @@ pub(crate) struct EpochFinder {
 /// The epochs of a stream.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Epochs {
-    segments: Vec<Segment>,
+    segments: Vec<StampRun>,
     pub(crate) all: Vec<Epoch>,
 }
 
@@ -99,18 +99,18 @@ impl EpochFinder {
                 return;
             }
         }
-        self.segments.push(Segment { first_index: index, count: 1, begin: t, end: t, epoch: 0 });
+        self.segments.push(StampRun { first_index: index, count: 1, begin: t, end: t, epoch: 0 });
     }
 
     /// Chains the segments to epochs.
     pub(crate) fn finish(mut self) -> Epochs {
         if self.n_restarts > MAX_RESTARTS {
-            let whole = self.segments.iter().fold(None, |whole: Option<Segment>, next| {
+            let whole = self.segments.iter().fold(None, |whole: Option<StampRun>, next| {
                 let whole = whole.unwrap_or(*next);
                 let (begin, end) = (whole.begin.min(next.begin), whole.end.max(next.end));
-                Some(Segment { count: whole.count, begin, end, ..whole })
+                Some(StampRun { count: whole.count, begin, end, ..whole })
             });
-            self.segments = whole.into_iter().map(|s| Segment { count: self.n, ..s }).collect();
+            self.segments = whole.into_iter().map(|s| StampRun { count: self.n, ..s }).collect();
         }
         let segments = &mut self.segments;
         // The segment that continues each, with the pause between.
@@ -146,7 +146,7 @@ impl EpochFinder {
 
 /// The segment that segment `i` continues, and the pause.
 fn continued(
-    segments: &[Segment],
+    segments: &[StampRun],
     next: &[Option<(usize, i64)>],
     i: usize,
     n_before: u64,
@@ -178,7 +178,7 @@ impl Epochs {
         finder.finish()
     }
 
-    fn of_segments(mut segments: Vec<Segment>) -> Self {
+    fn of_segments(mut segments: Vec<StampRun>) -> Self {
         // Numbers in the order in which the epochs begin.
         let mut order: Vec<usize> = Vec::new();
         let mut all: Vec<Epoch> = Vec::new();
