@@ -15,7 +15,7 @@ use eventcv_core::simulate::{Simulator, SimulatorConfig, Upsample};
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::prove::{ConcealedEffect, SealedTruth, seal};
 use evrig::session::StreamName;
-use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
 use evrig::stats::SplitMix;
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -135,8 +135,10 @@ fn make(root: &Path, truth: &SealedTruth, random: &mut SplitMix) -> Result<usize
         &ImportFrames {
             frames: &frames_path,
             times: FrameTimes::File(times_path),
+            frame_time_unit: None,
             events: Some(&events_path),
             events_name: StreamName::new("real")?,
+            options: EventTableOptions::default(),
         },
         root,
     )?;

@@ -10,7 +10,7 @@ use evrig::pi::wire;
 use evrig::pipeline;
 use evrig::rig::Rig;
 use evrig::scene::PATH_COLUMNS;
-use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
 use evrig::session::{
     RecordingCheck, Session, SessionLayout, StageRecord, StreamName, read_stage, repair, verify,
     write_stage,
@@ -139,7 +139,7 @@ pub fn journal(bytes: &[u8]) {
 }
 
 /// Imported file by the first byte of the input.
-const IMPORTED: [&str; 9] = [
+const IMPORTED: [&str; 14] = [
     "frames.npy",
     "times.npy",
     "times.csv",
@@ -149,6 +149,11 @@ const IMPORTED: [&str; 9] = [
     "events.h5",
     "images/0.png",
     "images/0.tif",
+    "events.parquet",
+    "events.raw",
+    "events.dat",
+    "events.aedat",
+    "events.bag",
 ];
 
 /// One file of an import of frames, selected by the first byte; the other files are valid.
@@ -176,7 +181,8 @@ fn frames_and_events<'a>(
     events: Option<&'a Path>,
 ) -> ImportFrames<'a> {
     let events_name = StreamName::new("real").unwrap();
-    ImportFrames { frames, times, events, events_name }
+    let options = EventTableOptions::default();
+    ImportFrames { frames, times, frame_time_unit: None, events, events_name, options }
 }
 
 /// Result file by the first byte of the input.

@@ -29,7 +29,8 @@ pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;
 pub use import::{
-    ImportAedat4Args, ImportArgs, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs,
+    EventArgs, ImportAedat4Args, ImportAnyArgs, ImportArgs, ImportCommand, ImportFramesArgs,
+    ImportRaw2EventArgs,
 };
 pub use live::{LiveArgs, LiveGenerationArgs, LiveLight};
 pub use pi::{PairArgs, PiArgs};

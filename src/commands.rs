@@ -90,7 +90,7 @@ fn stream_name(name: &str) -> Result<StreamName, WrongUse> {
 
 fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
     match command {
-        Command::Import(args) => import::run(&args.what, output),
+        Command::Import(args) => import::run(&args, output),
         Command::Info(args) => info::run(&args, output),
         Command::Verify(args) => verify::run(&args, output),
         Command::Sync(args) => sync::run(&args, output),

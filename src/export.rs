@@ -5,6 +5,8 @@
 //! | npz | int64 (N, 4): t_us, x, y, p; frames, inertial samples and triggers as arrays | NumPy |
 //! | hdf5 | DSEC's layout, gzip | h5py, loaders of DSEC |
 //! | parquet | columns t, x, y, p | pandas, polars, DuckDB |
+//! | csv | columns t (us), x, y, p | spreadsheets, pandas |
+//! | txt | lines of t (s), x, y, p, as the Event-Camera Dataset | its readers |
 //! | aedat4 | events | DV, dv-processing |
 //! | mcap | event images, frames and the target's outline | Foxglove (with a layout file), Rerun |
 //! | rrd | the same in Rerun's own format, with the feature `rerun` | Rerun |
@@ -15,9 +17,11 @@
 mod images;
 mod mcap;
 mod npz;
+mod pi_frames;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod side;
+mod text;
 mod viewer;
 mod window;
 
@@ -57,6 +61,10 @@ pub enum ExportFormat {
     Hdf5,
     /// A Parquet table.
     Parquet,
+    /// Text with a heading, times in us.
+    Csv,
+    /// Text of the Event-Camera Dataset, times in seconds.
+    Txt,
     /// AEDAT4.
     Aedat4,
     /// MCAP for viewers.
@@ -191,7 +199,13 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
             let what = format!("it holds {}; only --format npz, uncut, takes them", entry.kind);
             return Err(unfit(session, request, what));
         }
-        let arrays = npz::recorded(session, entry, &request.out)?.ok_or_else(|| {
+        let is_logged = entry.kind == StreamKind::Frames && entry.file.ends_with(".mcap");
+        let arrays = if is_logged {
+            Some(pi_frames::write(session, entry, &request.out)?)
+        } else {
+            npz::recorded(session, entry, &request.out)?
+        };
+        let arrays = arrays.ok_or_else(|| {
             let what = format!("it holds {}; rig.mcap is their format already", entry.kind);
             unfit(session, request, what)
         })?;
@@ -214,6 +228,9 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
         ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, &side.heading())?,
         ExportFormat::Parquet => {
             parquet::write_events(out, events, &[("evrig", side.heading())])?;
+        }
+        ExportFormat::Csv | ExportFormat::Txt => {
+            text::write(out, events, request.format == ExportFormat::Txt)?;
         }
         ExportFormat::Aedat4 => aedat4(out, &chosen, &request.stream)?,
         ExportFormat::Mcap => {

@@ -221,6 +221,7 @@ fn rig(manifest: &Manifest) -> String {
         (Origin::Aedat4 { .. }, _) => of_import("imported AEDAT4"),
         (Origin::Raw2Event { .. }, _) => of_import("imported Raw2Event"),
         (Origin::Frames { .. }, _) => of_import("imported frames"),
+        (Origin::Converted { format, .. }, _) => of_import(&format!("imported {format}")),
     }
 }
 

@@ -2,14 +2,101 @@
 
 use clap::{Args, Subcommand};
 use evrig_core::geometry::Size;
+use evrig_session::import::{ColumnOrder, EpochChoice, EventTableOptions, PolarityRule, TimeUnit};
 use std::path::PathBuf;
 
 /// Arguments of `evrig import`.
 #[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  \
+    evrig import davis346-street.aedat4 --out sessions/street\n  \
+    evrig import shapes_rotation/ --out sessions/shapes\n  \
+    evrig import events.csv --time-unit s --size 346x260 --out sessions/events\n\n\
+    What had to be decided about the files (units, columns, polarity) is printed and kept in the \
+    manifest."
+)]
 pub struct ImportArgs {
-    /// Kind of recording
+    /// Kind of recording, where it is not to be found out
     #[command(subcommand)]
-    pub what: ImportCommand,
+    pub what: Option<ImportCommand>,
+
+    /// A recording of any kind that is read; see docs/how-to/import-recordings.md
+    #[command(flatten)]
+    pub any: ImportAnyArgs,
+}
+
+/// Arguments of `evrig import PATH`.
+#[derive(Debug, Args)]
+pub struct ImportAnyArgs {
+    /// A recording, a table of events, frames, or a folder of them
+    #[arg(required = true)]
+    pub path: Option<PathBuf>,
+
+    /// The session directory to create
+    #[arg(long, value_name = "SESSION", required = true)]
+    pub out: Option<PathBuf>,
+
+    /// Size of the sensor, where the file does not state it
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    pub size: Option<Size>,
+
+    /// Frames per second of frames without times, as 120 or 30000/1001
+    #[arg(long, value_parser = rate, conflicts_with = "timestamps")]
+    pub fps: Option<f64>,
+
+    /// Time of each frame, for frames without times; see `evrig import frames --help`
+    #[arg(long, value_name = "FILE")]
+    pub timestamps: Option<PathBuf>,
+
+    /// What the user states about the events
+    #[command(flatten)]
+    pub events: EventArgs,
+}
+
+/// What the user states about events.
+#[derive(Debug, Clone, Args)]
+pub struct EventArgs {
+    /// Unit of the times of events in tables: s, ms, us or ns [default: stated by the file, or the
+    /// only one that fits]
+    #[arg(long, value_name = "UNIT")]
+    pub time_unit: Option<TimeUnit>,
+
+    /// Order of the columns of a table, as txyp or -xypt; - is a column to ignore [default: by their
+    /// names, or the only order that fits]
+    #[arg(long, value_name = "ORDER", allow_hyphen_values = true)]
+    pub columns: Option<ColumnOrder>,
+
+    /// Values of ON and OFF in a table, as 1,0 or 1,-1 [default: by the values]
+    #[arg(long, value_name = "ON,OFF", allow_hyphen_values = true)]
+    pub polarity: Option<PolarityRule>,
+
+    /// Which event stream of a file with several
+    #[arg(long, value_name = "NAME")]
+    pub table: Option<String>,
+
+    /// Which epoch, where the device's clock restarted: longest, a number from 1, or all
+    #[arg(long, value_name = "EPOCH", default_value = "longest")]
+    pub epoch: EpochChoice,
+
+    /// Time of the first event on the frames' clock, µs
+    #[arg(long, value_name = "US", allow_hyphen_values = true)]
+    pub events_begin: Option<i64>,
+}
+
+impl EventArgs {
+    /// The options of the importing functions.
+    pub(crate) fn options(&self) -> EventTableOptions {
+        EventTableOptions {
+            time_unit: self.time_unit,
+            columns: self.columns.clone(),
+            polarity: self.polarity,
+            table: self.table.clone(),
+            epoch: self.epoch,
+            begin_us: self.events_begin,
+        }
+    }
 }
 
 /// Recordings that can be imported.
@@ -28,8 +115,7 @@ pub enum ImportCommand {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  evrig import aedat4 davis346-street.aedat4 --out sessions/street\n\n\
-    A truncated or damaged file is imported up to the damage (exit code 3); its bytes are kept \
-    unchanged."
+    A truncated or damaged file is imported up to the damage (exit code 3); its bytes are kept unchanged."
 )]
 pub struct ImportAedat4Args {
     /// The recording
@@ -38,6 +124,10 @@ pub struct ImportAedat4Args {
     /// The session directory to create
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
+
+    /// Which epoch, where the camera's clock restarted: longest, a number from 1, or all
+    #[arg(long, value_name = "EPOCH", default_value = "longest")]
+    pub epoch: EpochChoice,
 }
 
 /// Arguments of `evrig import frames`.
@@ -50,15 +140,20 @@ pub struct ImportFramesArgs {
     /// An npy array of N x H x W (uint8 or uint16), or a folder of images in name order
     pub frames: PathBuf,
 
-    /// Frames per second; the first frame is at 0 µs
-    #[arg(long, value_parser = positive, required_unless_present = "timestamps")]
+    /// Frames per second, as 120 or 30000/1001; the first frame is at 0 µs
+    #[arg(long, value_parser = rate, required_unless_present = "timestamps")]
     pub fps: Option<f64>,
 
-    /// Time of each frame in µs: npy, or text with one number per line
+    /// Time of each frame: npy, or text with one time per line; `names` takes the numbers in the
+    /// names of the images
     #[arg(long, value_name = "FILE", conflicts_with = "fps")]
     pub timestamps: Option<PathBuf>,
 
-    /// Events on the same pixel grid and clock: npz, npy, csv or HDF5 with columns t (µs), x, y, p;
+    /// Unit of --timestamps: s, ms, us or ns [default: stated by the file, or the only one that fits]
+    #[arg(long, value_name = "UNIT", conflicts_with = "fps")]
+    pub timestamps_unit: Option<TimeUnit>,
+
+    /// Events on the same pixel grid and clock: npz, npy, text, HDF5 or Parquet with columns t, x, y, p;
     /// or AEDAT4
     #[arg(long, value_name = "FILE")]
     pub events: Option<PathBuf>,
@@ -70,14 +165,19 @@ pub struct ImportFramesArgs {
     /// The session directory to create
     #[arg(long, value_name = "SESSION")]
     pub out: PathBuf,
+
+    /// What the user states about the events
+    #[command(flatten)]
+    pub event_options: EventArgs,
 }
 
 /// Arguments of `evrig import raw2event`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  evrig import raw2event recordings/ --id 170406 --timezone \
-        Europe/Brussels --out sessions/cat\n\n\
+#[command(
+    after_help = "Example:\n  evrig import raw2event recordings/ --id 170406 --timezone Europe/Brussels --out sessions/cat\n\n\
     Files are matched by their tag, then by the nearest time. What had to be decided about them \
-    (units, bit positions, partial frames) is printed and kept in the manifest.")]
+    (units, bit positions, partial frames) is printed and kept in the manifest."
+)]
 pub struct ImportRaw2EventArgs {
     /// Directory with dv_output_*.aedat4, metadata_*.dat, raw_frames_*.dat, rgb_frames_*.dat
     pub directory: PathBuf,
@@ -105,6 +205,14 @@ fn size(text: &str) -> Result<Size, String> {
     match sides {
         Some((width, height)) if width > 0 && height > 0 => Ok(Size::new(width, height)),
         _ => Err("expected WIDTHxHEIGHT, as 692x520".into()),
+    }
+}
+
+/// Frames per second, also as a fraction: `30000/1001`.
+fn rate(text: &str) -> Result<f64, String> {
+    match text.split_once('/') {
+        Some((n, d)) => Ok(positive(n)? / positive(d)?),
+        None => positive(text),
     }
 }
 

@@ -37,6 +37,10 @@ pub enum ExportFormatArg {
     Hdf5,
     /// A table with the columns t, x, y, p
     Parquet,
+    /// Text with a heading: t (us), x, y, p
+    Csv,
+    /// Text in the layout of the Event-Camera Dataset: t (s), x, y, p
+    Txt,
     /// AEDAT4, for DV and dv-processing
     Aedat4,
     /// Event images, frames and the target's outline, for Foxglove and Rerun
@@ -76,8 +80,8 @@ pub struct ExportArgs {
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
 
-    /// The format [default: by the file name's extension (.npz, .h5, .parquet, .aedat4, .mcap,
-    /// .rrd), else npz]
+    /// The format [default: by the file name's extension: .npz, .h5, .hdf5, .parquet, .csv, .txt,
+    /// .aedat4, .mcap, .rrd]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormatArg>,
 

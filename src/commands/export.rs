@@ -1,6 +1,6 @@
 //! `evrig export`: a stream in a format other programs read.
 
-use super::{Ending, Output};
+use super::{Ending, Output, WrongUse};
 use crate::cli::{ExportArgs, ExportFormatArg as Chosen, ExportKind};
 use crate::export::{EventSelection, ExportFormat, ExportRequest, export};
 use evrig_session::{Session, StreamKind};
@@ -18,7 +18,7 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
         ExportKind::Events => StreamKind::Events,
         ExportKind::Frames => StreamKind::Frames,
     });
-    let request = ExportRequest { stream, kind, out, format: format(args), cut };
+    let request = ExportRequest { stream, kind, out, format: format(args)?, cut };
     let made = export(&session, &request)?;
     if made.has_namesake && kind.is_none() {
         output.say(format!(
@@ -43,21 +43,32 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
     Ok(Ending::Done)
 }
 
-fn format(args: &ExportArgs) -> ExportFormat {
-    match args.format {
+fn format(args: &ExportArgs) -> Result<ExportFormat, WrongUse> {
+    Ok(match args.format {
         Some(Chosen::Npz) => ExportFormat::Npz,
         Some(Chosen::Hdf5) => ExportFormat::Hdf5,
         Some(Chosen::Parquet) => ExportFormat::Parquet,
+        Some(Chosen::Csv) => ExportFormat::Csv,
+        Some(Chosen::Txt) => ExportFormat::Txt,
         Some(Chosen::Aedat4) => ExportFormat::Aedat4,
         Some(Chosen::Mcap) => ExportFormat::Mcap,
         Some(Chosen::Rrd) => ExportFormat::Rrd,
         None => match args.out.extension().and_then(|extension| extension.to_str()) {
+            Some("npz") => ExportFormat::Npz,
             Some("h5" | "hdf5") => ExportFormat::Hdf5,
             Some("parquet") => ExportFormat::Parquet,
+            Some("csv") => ExportFormat::Csv,
+            Some("txt") => ExportFormat::Txt,
             Some("aedat4") => ExportFormat::Aedat4,
             Some("mcap") => ExportFormat::Mcap,
             Some("rrd") => ExportFormat::Rrd,
-            _ => ExportFormat::Npz,
+            _ => {
+                return Err(WrongUse(format!(
+                    "the ending of {} names no format; expected .npz, .h5, .hdf5, .parquet, .csv, \
+                     .txt, .aedat4, .mcap or .rrd, or --format",
+                    args.out.display()
+                )));
+            }
         },
-    }
+    })
 }

@@ -36,6 +36,9 @@ pub(super) fn run(args: &GenerateArgs, output: &Output) -> anyhow::Result<Ending
     let mut conditions = conditions(&args.conditions)?;
     let choice = args.choice.choice();
     let parameters = choice.parameters_on(&session, from)?;
+    if let Some(doubt) = choice.doubt_of_scale(&session, from) {
+        output.say(format_args!("doubtful: {doubt}"));
+    }
     choice.prepare_on(&session, from, &mut conditions)?;
     let request = GenerateRequest {
         from: from.to_owned(),

@@ -1,40 +1,100 @@
 //! `evrig import`: recordings of other software become sessions.
 
 use super::{Ending, Output, WrongUse};
-use crate::cli::{ImportAedat4Args, ImportCommand, ImportFramesArgs, ImportRaw2EventArgs};
+use crate::cli::{
+    ImportAedat4Args, ImportAnyArgs, ImportArgs, ImportCommand, ImportFramesArgs,
+    ImportRaw2EventArgs,
+};
 use evrig_session::import::{
-    FrameTimes, ImportFrames, ImportRaw2Event, import_aedat4, import_frames, import_raw2event,
+    FrameTimes, ImportEvents, ImportFrames, ImportRaw2Event, RecordingKind, detect, import_aedat4,
+    import_event_folder, import_events, import_frames, import_raw2event,
 };
 use evrig_session::{Manifest, StreamName};
 use std::fmt::Write;
 use std::path::Path;
 
-pub(super) fn run(command: &ImportCommand, output: &Output) -> anyhow::Result<Ending> {
-    match command {
-        ImportCommand::Aedat4(args) => aedat4(args, output),
-        ImportCommand::Frames(args) => frames(args, output),
-        ImportCommand::Raw2Event(args) => raw2event(args, output),
+pub(super) fn run(args: &ImportArgs, output: &Output) -> anyhow::Result<Ending> {
+    match &args.what {
+        Some(ImportCommand::Aedat4(args)) => aedat4(args, output),
+        Some(ImportCommand::Frames(args)) => frames(args, output),
+        Some(ImportCommand::Raw2Event(args)) => raw2event(args, output),
+        None => any(&args.any, output),
+    }
+}
+
+/// Finds out what a path holds and imports it.
+fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
+    let (Some(path), Some(out)) = (&args.path, &args.out) else {
+        return Err(WrongUse("give the recording to import, and --out".into()).into());
+    };
+    let events = args.events.clone();
+    match detect(path)? {
+        RecordingKind::Aedat4 => {
+            let (file, out) = (path.clone(), out.clone());
+            aedat4(&ImportAedat4Args { file, out, epoch: events.epoch }, output)
+        }
+        RecordingKind::Frames => {
+            let args = ImportFramesArgs {
+                frames: path.clone(),
+                fps: args.fps,
+                timestamps: args.timestamps.clone(),
+                timestamps_unit: None,
+                events: None,
+                events_name: "real".into(),
+                out: out.clone(),
+                event_options: events,
+            };
+            frames(&args, output)
+        }
+        RecordingKind::Raw2Event => {
+            let what = "it holds recordings of the Raw2Event recorder; choose one with \
+                        `evrig import raw2event DIRECTORY --id PART-OF-THE-NAME`";
+            Err(WrongUse(format!("{}: {what}", path.display())).into())
+        }
+        RecordingKind::EventFolder => {
+            let options = events.options();
+            let manifest = import_event_folder(path, args.size, &options, out)?;
+            finish(&manifest, out, output)
+        }
+        RecordingKind::Events => {
+            let options = events.options();
+            let request = ImportEvents { file: path, size: args.size, options };
+            let manifest = import_events(&request, out)?;
+            finish(&manifest, out, output)
+        }
     }
 }
 
 fn aedat4(args: &ImportAedat4Args, output: &Output) -> anyhow::Result<Ending> {
     let n_bytes = std::fs::metadata(&args.file).map(|meta| meta.len()).unwrap_or(0);
     let bar = output.progress("import", 2 * n_bytes);
-    let manifest = import_aedat4(&args.file, &args.out, &mut |done| bar.set_position(done))?;
+    let mut progress = |done| bar.set_position(done);
+    let manifest = import_aedat4(&args.file, &args.out, args.epoch, &mut progress)?;
     bar.finish_and_clear();
     finish(&manifest, &args.out, output)
 }
 
 fn frames(args: &ImportFramesArgs, output: &Output) -> anyhow::Result<Ending> {
     let times = match (&args.timestamps, args.fps) {
+        (Some(path), _) if path.as_os_str() == "names" => FrameTimes::Names,
         (Some(path), _) => FrameTimes::File(path.clone()),
         (None, Some(fps)) => FrameTimes::Fps(fps),
         (None, None) => return Err(WrongUse("give --fps or --timestamps".into()).into()),
     };
     let events_name =
         StreamName::new(&args.events_name).map_err(|error| WrongUse(error.to_string()))?;
-    let request =
-        ImportFrames { frames: &args.frames, times, events: args.events.as_deref(), events_name };
+    let options = args.event_options.options();
+    if args.events.is_none() && options != Default::default() {
+        return Err(WrongUse("options of events have no effect without --events".into()).into());
+    }
+    let request = ImportFrames {
+        frames: &args.frames,
+        times,
+        frame_time_unit: args.timestamps_unit,
+        events: args.events.as_deref(),
+        events_name,
+        options,
+    };
     let manifest = import_frames(&request, &args.out)?;
     finish(&manifest, &args.out, output)
 }
@@ -48,11 +108,11 @@ fn raw2event(args: &ImportRaw2EventArgs, output: &Output) -> anyhow::Result<Endi
     let bar = output.progress("import", 0);
     let manifest = import_raw2event(&request, &args.out, &mut |done| bar.set_position(done))?;
     bar.finish_and_clear();
-    manifest.decisions.iter().for_each(|decision| output.say(format_args!("decided: {decision}")));
     finish(&manifest, &args.out, output)
 }
 
 fn finish(manifest: &Manifest, out: &Path, output: &Output) -> anyhow::Result<Ending> {
+    manifest.decisions.iter().for_each(|decision| output.say(format_args!("decided: {decision}")));
     let mut text = format!("{}: {}", out.display(), counts(manifest));
     for loss in &manifest.losses {
         let _ = match loss.count {

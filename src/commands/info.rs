@@ -134,7 +134,7 @@ impl StreamInfo {
 
     fn derive(&mut self) {
         let (Some(first), Some(last)) = (self.first_us, self.last_us) else { return };
-        let seconds = (last - first) as f64 * 1e-6;
+        let seconds = last.saturating_sub(first) as f64 * 1e-6;
         self.duration_s = Some(seconds);
         if seconds > 0.0 && self.count > 1 {
             self.rate_hz = Some((self.count - 1) as f64 / seconds);
@@ -146,8 +146,16 @@ fn text(manifest: &Manifest, streams: &[StreamInfo]) -> String {
     let mut text = format!("{} ({}), made {}\n", manifest.name, manifest.status, manifest.created);
     let _ = writeln!(
         text,
-        "{:<14} {:<9} {:>12} {:>10} {:>12} {:>12}  {:<9}  from",
-        "stream", "kind", "count", "seconds", "per second", "longest gap", "grid"
+        "{:<14} {:<9} {:>12} {:>10} {:>12} {:>12}  {:<9} {:>16} {:>16}  from",
+        "stream",
+        "kind",
+        "count",
+        "seconds",
+        "per second",
+        "longest gap",
+        "grid",
+        "begin (us)",
+        "end (us)"
     );
     for stream in streams {
         let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".into());
@@ -155,7 +163,7 @@ fn text(manifest: &Manifest, streams: &[StreamInfo]) -> String {
         let gap = stream.longest_gap_us.map(|us| format!("{:.3} ms", us as f64 * 1e-3));
         let _ = writeln!(
             text,
-            "{:<14} {:<9} {:>12} {:>10} {:>12} {:>12}  {:<9}  {}",
+            "{:<14} {:<9} {:>12} {:>10} {:>12} {:>12}  {:<9} {:>16} {:>16}  {}",
             stream.name,
             stream.kind.to_string(),
             stream.count,
@@ -163,6 +171,8 @@ fn text(manifest: &Manifest, streams: &[StreamInfo]) -> String {
             or_dash(stream.rate_hz.map(|hz| format!("{hz:.1}"))),
             or_dash(gap),
             or_dash(grid),
+            or_dash(stream.first_us.map(|us| us.to_string())),
+            or_dash(stream.last_us.map(|us| us.to_string())),
             stream.made_by,
         );
     }

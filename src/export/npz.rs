@@ -71,17 +71,17 @@ pub(super) fn events(
 }
 
 /// One archive under construction, with the list of what is in it.
-struct Archive {
+pub(super) struct Archive {
     npz: NpzWriter<std::io::BufWriter<std::fs::File>>,
     arrays: Vec<ExportedArray>,
 }
 
 impl Archive {
-    fn create(out: &Path) -> Result<Self, SessionError> {
+    pub(super) fn create(out: &Path) -> Result<Self, SessionError> {
         Ok(Self { npz: NpzWriter::create(out)?, arrays: Vec::new() })
     }
 
-    fn add<T: evrig_format::npy::Element>(
+    pub(super) fn add<T: evrig_format::npy::Element>(
         &mut self,
         name: &str,
         shape: &[u64],
@@ -92,7 +92,7 @@ impl Archive {
         Ok(())
     }
 
-    fn finish(self) -> Result<Vec<ExportedArray>, SessionError> {
+    pub(super) fn finish(self) -> Result<Vec<ExportedArray>, SessionError> {
         self.npz.finish()?;
         Ok(self.arrays)
     }

@@ -5,7 +5,7 @@ use super::{Conditions, PipelineError, read_calibration, white_of};
 use evrig_analysis::calibrate::Calibration;
 use evrig_generate::input::FramePreparation;
 use evrig_generate::{GenerateParameters, GeneratorChoice, KnobSetting, ParameterError};
-use evrig_session::{Session, StreamName};
+use evrig_session::{Session, StreamKind, StreamName};
 
 /// The choice of a generator and its parameters. `--k @calibrated` and `--preset tuned` mean the
 /// constants that were calibrated on the session.
@@ -88,6 +88,11 @@ impl ModelChoice {
         session: &Session,
         signal: &str,
     ) -> Result<GenerateParameters, PipelineError> {
+        if self.full_scale_dn.is_some() && self.is_voltmeter() {
+            let what = "--full-scale-dn has no effect on the voltmeter, whose constants hold for the \
+                        scale they were fitted on; choose --model esim or v2e, or omit it";
+            return Err(PipelineError::Request(what.into()));
+        }
         let mut choice = self.clone();
         choice.full_scale_dn = choice.full_scale_dn.or(white_of(session, signal)?);
         if choice.is_calibrated() {
@@ -95,6 +100,27 @@ impl ModelChoice {
             choice.preset = None;
         }
         choice.parameters()
+    }
+
+    fn is_voltmeter(&self) -> bool {
+        self.model.as_deref().is_none_or(|model| model == "voltmeter")
+    }
+
+    /// A statement for published constants on frames of another scale than they were fitted on:
+    /// those of the voltmeter are of 8 bits, but for the presets of raw frames.
+    #[must_use]
+    pub fn doubt_of_scale(&self, session: &Session, signal: &str) -> Option<String> {
+        let entry = session.stream(StreamKind::Frames, signal).ok()?;
+        let is_fitted = self.k.is_some() || !self.knobs.is_empty() || self.is_calibrated();
+        let is_raw = self.preset.as_deref().is_some_and(|name| name.to_lowercase().contains("raw"));
+        let is_doubtful = self.is_voltmeter() && !is_fitted && !is_raw;
+        (is_doubtful && entry.source.ends_with("16 bit")).then(|| {
+            format!(
+                "the published constants are for frames of 8 bits and `{signal}` has 16: expect \
+                 several times the events; run `evrig calibrate`, give --k, choose --model esim or \
+                 v2e with --full-scale-dn, or import frames of 8 bits"
+            )
+        })
     }
 
     /// Prepares frames as those of the calibration, where its constants are chosen and `conditions`

@@ -4,7 +4,7 @@ use super::error::ProveError;
 use super::plasmode::{PlasmodeError, PlasmodeRecording};
 use super::truth::{ConcealedTrial, Family};
 use evrig_core::time::Span;
-use evrig_session::import::import_aedat4;
+use evrig_session::import::{EpochChoice, import_aedat4};
 use evrig_session::rig::Rig;
 use evrig_session::trajectory::{OptionalSegments, Trajectory};
 use evrig_sim::world::WorldDescription;
@@ -81,7 +81,7 @@ fn import(recording: &PlasmodeRecording, root: &Path) -> Result<(), ProveError> 
         std::fs::create_dir_all(folder).map_err(io)?;
     }
     recording.write(&file)?;
-    import_aedat4(&file, root, &mut |_| {})?;
+    import_aedat4(&file, root, EpochChoice::default(), &mut |_| {})?;
     std::fs::remove_file(&file).map_err(io)
 }
 

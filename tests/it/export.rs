@@ -121,7 +121,12 @@ fn an_exported_stream_is_imported_unchanged() {
             evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
         assert_eq!(code, 0, "{printed}");
         let back = directory.path().join(format!("back-{file}"));
-        let import = ["import", "frames", text(&frames), "--fps", "10", "--events", text(&out)];
+        let times = directory.path().join("times.txt");
+        let first = wanted.as_slice().t[0];
+        std::fs::write(&times, format!("t_us\n{first}\n{}\n", first + 100_000)).unwrap();
+        let times = text(&times);
+        let import =
+            ["import", "frames", text(&frames), "--timestamps", times, "--events", text(&out)];
         let (code, printed) = evrig(&[&import[..], &["--out", text(&back)]].concat());
         assert_eq!(code, 0, "{printed}");
         assert!(open(&back).events("real").unwrap().0 == wanted, "{file}");

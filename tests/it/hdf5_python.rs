@@ -5,7 +5,7 @@
 use crate::sessions::python;
 use evrig::event::Event;
 use evrig::format::npy::ArrayWriter;
-use evrig::session::import::{FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
 use evrig::session::{Session, StreamName};
 use std::process::Command;
 
@@ -23,11 +23,15 @@ fn every_common_h5py_layout_gives_the_same_events() {
         let script = "tests/python/write_hdf5.py";
         let status = Command::new(&python).arg(script).arg(&file).arg(layout).status().unwrap();
         assert!(status.success(), "{script} failed");
+        let times = directory.path().join(format!("{layout}.txt"));
+        std::fs::write(&times, format!("t_us\n{offset}\n{}\n", offset + 10_000)).unwrap();
         let request = ImportFrames {
             frames: &frames,
-            times: FrameTimes::Fps(100.0),
+            times: FrameTimes::File(times),
+            frame_time_unit: None,
             events: Some(&file),
             events_name: StreamName::new("real").unwrap(),
+            options: EventTableOptions::default(),
         };
         let session = directory.path().join(layout);
         import_frames(&request, &session).unwrap();

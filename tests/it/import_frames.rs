@@ -180,7 +180,7 @@ fn invalid_input_gives_a_one_line_error_and_no_session() {
         (
             &frames,
             vec!["--timestamps".into(), write("back.txt", "0\n9\n9\n")],
-            "frame 2 at 9 us is not later",
+            "frame 2 at 9000 us is not later",
         ),
         (&frames, vec!["--timestamps".into(), write("word.txt", "0\n5\nx\n")], "line 3"),
         (&flat, vec!["--fps".into(), "10".into()], "expected N x H x W"),

@@ -33,6 +33,7 @@ mod memory;
 mod outgoing;
 mod overflow;
 mod reader;
+mod resync;
 mod table;
 mod writer;
 
@@ -207,6 +208,10 @@ pub struct Losses {
     pub frames: u64,
     /// Packets of a stream kind unknown here.
     pub unknown_packets: u64,
+    /// Damaged packets that were passed over.
+    pub damaged_packets: u64,
+    /// Where and how the first of these is damaged.
+    pub first_damage: Option<String>,
     /// Where and why the first event or frame was lost.
     pub first: Option<String>,
 }

@@ -1,25 +1,18 @@
-//! HDF5 event tables, as DSEC, M3ED and many converters write them.
+//! HDF5 event tables, as DSEC, M3ED, MVSEC, v2e, Metavision and many converters write them.
 //!
-//! The crate `hdf5-pure` reads them without the C library: contiguous and chunked data,
-//! plain or with gzip, shuffle or LZF. Blosc and Zstandard, which DSEC itself uses, need
-//! filters it does not have: the error advises to rewrite the file with gzip.
+//! The crate `hdf5-pure` reads them without the C library: contiguous and chunked data, plain
+//! or with gzip, shuffle or LZF. Chunks of Blosc and Zstandard, which DSEC uses, are
+//! decompressed here.
 
+mod blosc;
 mod dsec;
+mod stored;
 
 pub use dsec::{SideColumn, SideGroup, write_dsec};
 
-use super::npy::Column;
-use hdf5_pure::{Dataset, File};
+use crate::StoredTable;
+use hdf5_pure::{AttrValue, Dataset, Datatype, File, Group};
 use std::path::{Path, PathBuf};
-
-/// The columns of an event table.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EventColumns {
-    /// Time, pixel column, pixel row, polarity; of equal length.
-    pub columns: [Column; 4],
-    /// Offset to be added to every time (DSEC), µs; 0 where the file states none.
-    pub t_offset_us: i64,
-}
 
 /// Why a file gives no events, or cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -30,72 +23,185 @@ pub struct Hdf5Error {
 }
 
 /// Names under which the four columns are kept.
-const COLUMN_NAMES: [&[&str]; 4] =
-    [&["t", "ts", "timestamp"], &["x", "xs"], &["y", "ys"], &["p", "ps", "polarity"]];
+const COLUMN_NAMES: [&[&str]; 4] = [
+    &["t", "ts", "timestamp", "timestamps", "t_us"],
+    &["x", "xs"],
+    &["y", "ys"],
+    &["p", "ps", "polarity", "pol"],
+];
 
-/// Groups in which events are kept.
-const GROUP_NAMES: [&str; 5] = ["events", "", "CD/events", "prophesee/left", "davis/left/events"];
+/// Groups in groups that are searched.
+const MAX_DEPTH: usize = 5;
 
-/// Reads the event table of an HDF5 file: `t`, `x`, `y`, `p` in a group `events` (or at the root,
-/// or in other groups in use), or one table `events` of N x 4.
+/// A file open for reading.
+struct Hdf5EventFile<'a> {
+    path: &'a Path,
+    file: File,
+}
+
+/// Reads the event table of an HDF5 file: columns in a group, one dataset of records, or one of
+/// N x 4. `table` is its name where the file has several.
 ///
 /// # Errors
-/// When the file cannot be read, is no HDF5 file, or holds no event table.
-pub fn read_events(path: &Path) -> Result<EventColumns, Hdf5Error> {
+/// When the file cannot be read, is no HDF5 file, or holds no event table or several.
+pub fn read_events(path: &Path, table: Option<&str>) -> Result<StoredTable, Hdf5Error> {
     let wrong = |what: String| Hdf5Error { path: path.to_owned(), what };
-    let unreadable = |e: hdf5_pure::Error| {
-        wrong(format!(
-            "cannot be read: {e}; if it is compressed with Blosc or Zstandard, rewrite it with gzip (h5repack -f GZIP=4)"
-        ))
-    };
-    let file = File::open_streaming(path).map_err(unreadable)?;
-    let t_offset_us = match file.dataset("t_offset") {
-        Ok(dataset) => dataset.read_i64().map_err(unreadable)?.first().copied().unwrap_or(0),
-        Err(_) => 0,
-    };
-    for group in GROUP_NAMES {
-        let find = |names: &[&str]| {
-            let inside = |name: &&str| {
-                let separator = if group.is_empty() { "" } else { "/" };
-                file.dataset(&format!("{group}{separator}{name}")).ok()
-            };
-            names.iter().find_map(inside)
-        };
-        let found: Option<Vec<Dataset>> = COLUMN_NAMES.iter().map(|names| find(names)).collect();
-        let Some(found) = found else { continue };
-        let read = |dataset: &Dataset| column(dataset).map_err(unreadable);
-        let columns = [read(&found[0])?, read(&found[1])?, read(&found[2])?, read(&found[3])?];
-        return Ok(EventColumns { columns, t_offset_us });
-    }
-    if let Ok(table) = file.dataset("events") {
-        let shape = table.shape().map_err(unreadable)?;
-        if !matches!(shape.as_slice(), [_, 4]) {
-            return Err(wrong(format!("`events` has shape {shape:?}; expected N x 4: t, x, y, p")));
+    let file = File::open_streaming(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+    let file = Hdf5EventFile { path, file };
+    let mut names = Vec::new();
+    file.search(&file.file.root(), "", 0, &mut names);
+    let name = match (table, names.as_slice()) {
+        (Some(table), _) => {
+            let table = table.trim_matches('/');
+            let known = names.iter().find(|name| *name == table);
+            known.ok_or_else(|| {
+                wrong(format!("has no event table `{table}`; it has: {}", names.join(", ")))
+            })?
         }
-        let values = column(&table).map_err(unreadable)?;
-        return Ok(EventColumns { columns: split_rows(&values), t_offset_us });
+        (None, [only]) => only,
+        (None, []) => {
+            return Err(wrong(
+                "holds no event table; expected columns t, x, y, p in a group, records of them, \
+                 or one dataset `events` of N x 4"
+                    .into(),
+            ));
+        }
+        (None, several) => {
+            return Err(wrong(format!(
+                "holds several event tables; choose one with --table: {}",
+                several.join(", ")
+            )));
+        }
+    };
+    file.read(name).map_err(wrong)
+}
+
+impl Hdf5EventFile<'_> {
+    /// Names of all event tables below a group.
+    fn search(&self, group: &Group, name: &str, depth: usize, found: &mut Vec<String>) {
+        if depth > MAX_DEPTH {
+            return;
+        }
+        let below = |child: &str| match name {
+            "" => child.to_owned(),
+            _ => format!("{name}/{child}"),
+        };
+        if self.columns_of(name).is_some() {
+            found.push(name.to_owned());
+        }
+        for child in group.datasets().unwrap_or_default() {
+            let is_named = child.to_lowercase().contains("event") && !name.contains("image");
+            if let Ok(dataset) = group.dataset(&child)
+                && is_table(&dataset, is_named)
+            {
+                found.push(below(&child));
+            }
+        }
+        for child in group.groups().unwrap_or_default() {
+            if let Ok(group) = group.group(&child) {
+                self.search(&group, &below(&child), depth + 1, found);
+            }
+        }
     }
-    Err(wrong(
-        "holds no event table; expected t, x, y, p in a group `events` or at the root".into(),
-    ))
+
+    /// The four columns in a group, with their names.
+    fn columns_of(&self, group: &str) -> Option<Vec<(&'static str, Dataset)>> {
+        let find = |names: &&[&'static str]| {
+            let mut found = names.iter().filter_map(|name| {
+                let path =
+                    if group.is_empty() { (*name).into() } else { format!("{group}/{name}") };
+                Some((names[0], self.file.dataset(&path).ok()?))
+            });
+            found.next()
+        };
+        COLUMN_NAMES.iter().map(find).collect()
+    }
+
+    fn read(&self, name: &str) -> Result<StoredTable, String> {
+        let in_file = |what: String| format!("`{name}` {what}");
+        let mut table = match self.columns_of(name) {
+            Some(columns) => {
+                let read = |(name, dataset): (&str, Dataset)| {
+                    let text = |what| format!("dataset `{name}` {what}");
+                    let bytes = stored::read_bytes(self.path, &dataset).map_err(text)?;
+                    let datatype = dataset.datatype().map_err(|e| text(e.to_string()))?;
+                    let size = dataset.element_size().map_err(|e| text(e.to_string()))? as usize;
+                    let values = stored::numbers(&bytes, &datatype, 0, size);
+                    let values = values.ok_or_else(|| text("is not of numbers".into()))?;
+                    Ok((name.to_owned(), values))
+                };
+                let columns = columns.into_iter().map(read).collect::<Result<_, String>>()?;
+                StoredTable::of_columns(columns)
+            }
+            None => self.read_dataset(name).map_err(in_file)?,
+        };
+        table.t_offset_us = self.t_offset(name)?;
+        table.notes = self.notes(name);
+        Ok(table)
+    }
+
+    fn read_dataset(&self, name: &str) -> Result<StoredTable, String> {
+        let text = |error: hdf5_pure::Error| error.to_string();
+        let dataset = self.file.dataset(name).map_err(text)?;
+        let bytes = stored::read_bytes(self.path, &dataset)?;
+        let datatype = dataset.datatype().map_err(text)?;
+        let size = dataset.element_size().map_err(text)? as usize;
+        if let Datatype::Compound { members, .. } = &datatype {
+            let column = |member: &hdf5_pure::CompoundMember| {
+                let offset = member.byte_offset as usize;
+                let values = stored::numbers(&bytes, &member.datatype, offset, size)?;
+                Some((member.name.clone(), values))
+            };
+            return Ok(StoredTable::of_columns(members.iter().filter_map(column).collect()));
+        }
+        let values = stored::numbers(&bytes, &datatype, 0, size).ok_or("is not of numbers")?;
+        Ok(StoredTable::of_rows(&values, 4))
+    }
+
+    /// The offset of DSEC, at the root or beside the columns.
+    fn t_offset(&self, name: &str) -> Result<i64, String> {
+        let group = name.rsplit_once('/').map_or("", |(group, _)| group);
+        let places = [format!("{name}/t_offset"), format!("{group}/t_offset"), "t_offset".into()];
+        let found = places.iter().find_map(|place| self.file.dataset(place.trim_matches('/')).ok());
+        let Some(dataset) = found else { return Ok(0) };
+        let value = dataset.read_i64().map_err(|error| format!("`t_offset`: {error}"))?;
+        Ok(value.first().copied().unwrap_or(0))
+    }
+
+    /// Texts among the attributes of the table and of its times.
+    fn notes(&self, name: &str) -> Vec<String> {
+        let of_dataset = |path: &str| self.file.dataset(path).ok()?.attrs().ok();
+        let of_group = |path: &str| self.file.group(path).ok()?.attrs().ok();
+        let places = [of_dataset(name), of_group(name), of_dataset(&format!("{name}/t"))];
+        let attributes = places.into_iter().flatten().flatten();
+        let mut notes: Vec<String> = attributes
+            .filter_map(|(key, value)| match value {
+                AttrValue::String(text)
+                | AttrValue::AsciiString(text)
+                | AttrValue::VarLenString(text)
+                | AttrValue::VarLenAsciiString(text) => Some(format!("# {key}: {text}")),
+                _ => None,
+            })
+            .collect();
+        // The layout of DSEC is in microseconds.
+        if self.file.dataset("ms_to_idx").is_ok() {
+            notes.push("# time in us (layout of DSEC)".into());
+        }
+        notes
+    }
 }
 
-fn column(dataset: &Dataset) -> Result<Column, hdf5_pure::Error> {
-    Ok(match dataset.read_i64() {
-        Ok(values) if !is_float(dataset) => Column::Int(values),
-        _ => Column::Float(dataset.read_f64()?),
-    })
-}
-
-fn is_float(dataset: &Dataset) -> bool {
-    dataset
-        .dtype()
-        .is_ok_and(|dtype| matches!(dtype, hdf5_pure::DType::F32 | hdf5_pure::DType::F64))
-}
-
-fn split_rows(values: &Column) -> [Column; 4] {
-    std::array::from_fn(|i| match values {
-        Column::Int(values) => Column::Int(values.iter().skip(i).step_by(4).copied().collect()),
-        Column::Float(values) => Column::Float(values.iter().skip(i).step_by(4).copied().collect()),
-    })
+/// Whether a dataset is a table of events: records of the four columns, or N x 4 numbers.
+fn is_table(dataset: &Dataset, is_named: bool) -> bool {
+    let has_all = |members: &[hdf5_pure::CompoundMember]| {
+        let mut columns = COLUMN_NAMES.iter();
+        columns.all(|names| members.iter().any(|member| names.contains(&member.name.as_str())))
+    };
+    match dataset.datatype() {
+        Ok(Datatype::Compound { members, .. }) => has_all(&members),
+        Ok(Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. }) => {
+            is_named && dataset.shape().is_ok_and(|shape| matches!(shape.as_slice(), [_, 4]))
+        }
+        _ => false,
+    }
 }

@@ -1,10 +1,19 @@
 //! File formats, one module each, read and written in bounded memory.
 
+pub mod aedat2;
+pub mod aedat3;
 pub mod aedat4;
+mod camera_events;
 mod destination;
 pub mod hdf5;
 pub mod npy;
 pub mod parquet;
+pub mod prophesee;
 pub mod raw2event;
+pub mod rosbag;
+mod table;
+pub mod text;
 
+pub use camera_events::{CameraEvents, CameraFileError};
 pub use destination::Destination;
+pub use table::StoredTable;

@@ -3,6 +3,10 @@
 //! Columns `t` (int64, microseconds), `x` and `y` (uint16), `p` (uint8, 1 for On), all required,
 //! compressed with Zstandard, sorted by `t`; the key-value metadata describe them.
 
+mod read;
+
+pub use read::read_table;
+
 use evrig_core::event::EventSlice;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::data_type::{DataType, Int32Type, Int64Type};
@@ -26,7 +30,7 @@ const SCHEMA: &str = "message events {
     REQUIRED INT32 p (INTEGER(8, false));
 }";
 
-/// Why a table cannot be written.
+/// Why a table cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file cannot be made.
@@ -36,6 +40,14 @@ pub enum TableError {
         path: PathBuf,
         /// The system's error.
         source: std::io::Error,
+    },
+    /// Reading failed.
+    #[error("{path}: cannot be read as Parquet: {source}", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: ParquetError,
     },
     /// Writing failed.
     #[error("{path}: cannot be written: {source}", path = path.display())]

@@ -1,6 +1,5 @@
 //! The interface of all generators and why they refuse frames.
 
-use crate::limits::MAX_SPAN_US;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -41,11 +40,10 @@ pub enum GenerateError {
         /// Time of the frame before it.
         previous_us: i64,
     },
-    /// An interval too long for event times within it.
+    /// A pause that no recording has: the times are in another unit.
     #[error(
-        "frame {index} at {t_us} us comes more than {} s after the frame before it \
-         ({previous_us} us); check the unit of the time stamps, or split the stream at the gap",
-        MAX_SPAN_US / 1_000_000
+        "frame {index} at {t_us} us comes more than a day after the frame before it \
+         ({previous_us} us); check the unit of the time stamps, or split the stream at the gap"
     )]
     GapTooLong {
         /// Number of the frame, from 0.

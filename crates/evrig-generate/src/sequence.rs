@@ -5,6 +5,9 @@ use crate::limits::MAX_SPAN_US;
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 
+/// A day, µs: a longer pause is a wrong unit.
+const MAX_PAUSE_US: i64 = 86_400_000_000;
+
 /// The interval between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FrameSpan {
@@ -21,7 +24,7 @@ pub(super) struct FrameSpan {
 /// A frame that may follow.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CheckedFrame {
-    /// The interval it ends; none for the first frame.
+    /// The interval it ends; none for the first frame, and for one behind a pause that is too long.
     pub(super) interval: Option<FrameSpan>,
     last: LastFrame,
 }
@@ -49,14 +52,25 @@ impl FrameSequence {
                 let (expected, found) = (last.size, frame.size);
                 return Err(GenerateError::SizeChanged { index, expected, found });
             }
-            check_time(index, last.t_us, frame.t_us)?;
+            if frame.t_us <= last.t_us {
+                let (t_us, previous_us) = (frame.t_us, last.t_us);
+                return Err(GenerateError::TimeNotAscending { index, t_us, previous_us });
+            }
+            if frame.t_us.checked_sub(last.t_us).is_none_or(|span| span > MAX_PAUSE_US) {
+                let (t_us, previous_us) = (frame.t_us, last.t_us);
+                return Err(GenerateError::GapTooLong { index, t_us, previous_us });
+            }
         }
         let brightest = check_pixels(index, frame)?;
-        let interval = self.last.map(|last| FrameSpan {
-            index,
-            start_us: last.t_us,
-            span_us: (frame.t_us - last.t_us) as u32,
-            brightest: brightest.max(last.brightest),
+        // What a pixel did in a pause of more than half an hour is not known: it begins anew.
+        let interval = self.last.and_then(|last| {
+            let span = frame.t_us.checked_sub(last.t_us).filter(|span| *span <= MAX_SPAN_US)?;
+            Some(FrameSpan {
+                index,
+                start_us: last.t_us,
+                span_us: span as u32,
+                brightest: brightest.max(last.brightest),
+            })
         });
         Ok(CheckedFrame {
             interval,
@@ -68,16 +82,6 @@ impl FrameSequence {
     pub(super) fn accept(&mut self, checked: CheckedFrame) {
         self.n_frames += 1;
         self.last = Some(checked.last);
-    }
-}
-
-fn check_time(index: u64, previous_us: i64, t_us: i64) -> Result<(), GenerateError> {
-    if t_us <= previous_us {
-        return Err(GenerateError::TimeNotAscending { index, t_us, previous_us });
-    }
-    match t_us.checked_sub(previous_us) {
-        Some(span) if span <= MAX_SPAN_US => Ok(()),
-        _ => Err(GenerateError::GapTooLong { index, t_us, previous_us }),
     }
 }
 
@@ -114,4 +118,21 @@ fn brightest_of_good(values: &[f32]) -> Option<f32> {
     }
     let is_bad = n_bad.iter().any(|&n| n > 0) || !rest.iter().copied().all(is_good);
     (!is_bad).then(|| highest.iter().chain(rest).copied().fold(0.0, f32::max))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pause_of_an_hour_begins_anew_and_one_of_two_days_is_refused() {
+        let frame = |t_us| Luminance { t_us, size: Size::new(1, 1), values: vec![1.0] };
+        let mut sequence = FrameSequence::default();
+        for (t_us, has_interval) in [(0, false), (1_000, true), (3_600_000_000, false)] {
+            let checked = sequence.check(&frame(t_us)).unwrap();
+            assert_eq!(checked.interval.is_some(), has_interval, "{t_us}");
+            sequence.accept(checked);
+        }
+        assert!(sequence.check(&frame(172_800_000_000)).is_err());
+    }
 }

@@ -106,6 +106,9 @@ pub enum SessionError {
     /// An array file cannot be read or written.
     #[error(transparent)]
     Npy(#[from] evrig_format::npy::NpyError),
+    /// A camera's own file cannot be read.
+    #[error(transparent)]
+    CameraFile(#[from] evrig_format::CameraFileError),
     /// An HDF5 file cannot be read.
     #[error(transparent)]
     Hdf5(#[from] evrig_format::hdf5::Hdf5Error),

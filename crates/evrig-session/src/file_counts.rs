@@ -1,5 +1,6 @@
 //! Counts the contents of an AEDAT4 file, stream by stream.
 
+use super::epochs::EpochFinder;
 use super::{DataLoss, SessionError, StreamEntry, StreamKind};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
@@ -42,6 +43,8 @@ pub struct StreamCounts {
     pub n_on: u64,
     /// Longest time between two neighbours, µs.
     pub longest_gap_us: i64,
+    /// Restarts of the clock, in the file's order.
+    pub(crate) epochs: EpochFinder,
 }
 
 impl StreamCounts {
@@ -64,10 +67,12 @@ impl StreamCounts {
             n_outside: 0,
             n_on: 0,
             longest_gap_us: 0,
+            epochs: EpochFinder::default(),
         })
     }
 
     fn add(&mut self, t_us: i64) {
+        self.epochs.push(t_us);
         if let Some(last) = self.last_us {
             self.n_disordered += u64::from(t_us < last);
             self.longest_gap_us = self.longest_gap_us.max(t_us.saturating_sub(last));
@@ -96,7 +101,18 @@ impl StreamCounts {
             what: format!("{} {what}", self.kind),
             count,
         };
-        counted.into_iter().filter(|(count, _)| *count > 0).map(loss).collect()
+        let mut losses: Vec<DataLoss> =
+            counted.into_iter().filter(|(count, _)| *count > 0).map(loss).collect();
+        let epochs = self.epochs.clone().finish().main().len();
+        if epochs > 1 {
+            let what = "epochs: the device's clock restarted, and they are laid into each other";
+            losses.push(DataLoss {
+                stream: name.to_owned(),
+                what: what.into(),
+                count: epochs as u64,
+            });
+        }
+        losses
     }
 }
 
@@ -162,7 +178,13 @@ pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCoun
 fn unreadable(losses: &Losses) -> Vec<DataLoss> {
     let first = losses.first.as_ref().map(|first| format!("; the first: {first}"));
     let first = first.unwrap_or_default();
+    let damage = losses.first_damage.as_deref().unwrap_or_default();
     let counted = [
+        (
+            "packets",
+            losses.damaged_packets,
+            format!("are damaged and left out, reading went on behind them; the first: {damage}"),
+        ),
         ("events", losses.events, format!("have a negative column or row{first}")),
         ("frames", losses.frames, format!("have a size, format and pixels that disagree{first}")),
         ("unknown", losses.unknown_packets, "packets of a kind evrig does not know".to_owned()),

@@ -1,12 +1,24 @@
 //! Import of recordings made by other programs.
 
 mod aedat4;
+mod aedat4_epochs;
 mod builder;
+mod detect;
+mod event_file;
+mod event_folder;
 mod event_table;
+mod frame_times;
 mod frames;
 mod images;
+mod imported_events;
 mod raw2event;
 
+pub use crate::epochs::EpochChoice;
 pub use aedat4::import_aedat4;
-pub use frames::{FrameTimes, ImportFrames, import_frames};
+pub use detect::{RecordingKind, detect};
+pub use event_file::{ImportEvents, import_events};
+pub use event_folder::import_event_folder;
+pub use event_table::{ColumnOrder, EventTableOptions, PolarityRule, TimeUnit};
+pub use frame_times::FrameTimes;
+pub use frames::{ImportFrames, import_frames};
 pub use raw2event::{ImportRaw2Event, import_raw2event};

@@ -14,6 +14,7 @@
 //! the sensor, disorder) are counted when they are read and stated in the manifest.
 
 mod checksum;
+mod epochs;
 mod error;
 mod file_counts;
 mod frames;

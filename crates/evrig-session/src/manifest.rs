@@ -103,6 +103,13 @@ pub enum Origin {
         /// Name of the events' file, if there was one.
         events: Option<String>,
     },
+    /// A file of another format.
+    Converted {
+        /// Name of the file or folder it was.
+        file: String,
+        /// Its format.
+        format: String,
+    },
     /// Recorded by this program on a rig.
     Recorded {
         /// Name of the rig.

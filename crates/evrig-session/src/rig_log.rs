@@ -19,7 +19,6 @@ mod counts;
 mod error;
 mod image;
 mod image_reader;
-mod length_check;
 mod reader;
 mod records;
 mod schema;

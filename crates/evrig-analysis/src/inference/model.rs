@@ -95,6 +95,18 @@ impl CameraModel {
         }
     }
 
+    /// Whether the first parameter of the last effect, its strength or its scale, lies at the end of
+    /// its range.
+    pub(crate) fn is_at_bound(&self) -> bool {
+        let Some(index) = self.effects.len().checked_sub(1) else { return false };
+        let at = self.offset_of(index);
+        let first = self.effects[index].parameters.iter().zip(&self.values[at..]).take(1);
+        first.into_iter().any(|(parameter, value)| {
+            let [low, high] = parameter.fitted_range();
+            !parameter.is_fixed && (*value <= low || *value >= high)
+        })
+    }
+
     /// Removes an effect.
     pub(crate) fn remove_effect(&mut self, index: usize) {
         let at = self.offset_of(index);

@@ -119,7 +119,8 @@ fn with_spread(evidence: &Evidence, now: &ModelFit) -> (ModelFit, [f64; 3]) {
     (fit(evidence, model, N_STEPS[2]), interval)
 }
 
-/// Fits of the effects with the largest predicted gains, best held-out gain first.
+/// Fits of the effects with the largest predicted gains, best held-out gain first. An effect with a
+/// parameter at the end of its range imitates something else.
 fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> {
     let scan = ScoreScan::new(evidence, &now.model);
     let is_new = |effect: &&ModelEffect| now.model.effects.iter().all(|own| own.id != effect.id);
@@ -142,6 +143,7 @@ fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> 
             FittedCandidate { effect, gain, error, fit }
         })
         .collect();
+    tried.retain(|candidate| !candidate.fit.model.is_at_bound());
     tried.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     tried
 }

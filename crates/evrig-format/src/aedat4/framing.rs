@@ -4,6 +4,7 @@ use super::compression::decompress;
 use super::error::{FilePosition, ReadError};
 use super::header::{self, Header, MAGIC, MAX_HEADER_BYTES};
 use super::memory::DecompressFailure;
+use super::resync::{PacketSignature, find_packet};
 use super::{Compression, MAX_PACKET_BYTES, table};
 use std::io::{self, Read};
 
@@ -26,6 +27,8 @@ pub(super) struct RawPacket {
     pub(super) index: u64,
     pub(super) offset: u64,
     pub(super) payload: Vec<u8>,
+    /// Description of the damage that was passed over to reach it.
+    pub(super) damage_before: Option<String>,
 }
 
 /// Cuts a source into packets.
@@ -41,6 +44,11 @@ pub(super) struct Framing<R> {
     compression: Compression,
     /// Whether the header was read.
     is_in_packets: bool,
+    /// Read ahead in search of a packet, and not yet used.
+    pending: Vec<u8>,
+    /// By which packets are found behind damage; none on a socket.
+    signature: Option<PacketSignature>,
+    n_damaged: u64,
 }
 
 impl<R: Read> Framing<R> {
@@ -60,6 +68,9 @@ impl<R: Read> Framing<R> {
             table_position: None,
             compression: Compression::None,
             is_in_packets: false,
+            pending: Vec::new(),
+            signature: None,
+            n_damaged: 0,
         };
         if has_magic {
             framing.read_magic()?;
@@ -68,6 +79,9 @@ impl<R: Read> Framing<R> {
         // A socket has no positions.
         framing.table_position = header.table_position.filter(|_| has_magic);
         framing.compression = header.compression;
+        let streams = header.streams.iter().map(|stream| stream.id).collect();
+        framing.signature =
+            has_magic.then_some(PacketSignature { compression: header.compression, streams });
         framing.is_in_packets = true;
         Ok((framing, header))
     }
@@ -111,26 +125,102 @@ impl<R: Read> Framing<R> {
         Ok(header)
     }
 
-    /// The next packet; none at a clean end.
+    /// The next packet; none at a clean end. Behind a packet whose length is damaged the next one is
+    /// sought.
     pub(super) fn next(&mut self, payload: Vec<u8>) -> Result<Option<RawPacket>, ReadError> {
+        match self.next_in_place(payload).map_err(|failed| *failed) {
+            Err((error @ ReadError::Malformed { .. }, consumed)) if !consumed.is_empty() => {
+                if !self.find_next(consumed)? {
+                    return Err(error);
+                }
+                self.n_damaged += 1;
+                let name = format!("{}: ", self.name);
+                let damage = error.to_string().replacen(&name, "", 1);
+                let next = self.next_in_place(Vec::new()).map_err(|failed| failed.0)?;
+                Ok(next.map(|packet| RawPacket { damage_before: Some(damage), ..packet }))
+            }
+            other => other.map_err(|(error, _)| error),
+        }
+    }
+
+    /// Seeks a packet in `consumed`, which was read from the current offset on, and behind it.
+    fn find_next(&mut self, consumed: Vec<u8>) -> Result<bool, ReadError> {
+        let Some(signature) = self.signature.take() else { return Ok(false) };
+        let mut window = consumed;
+        // The damaged packet begins here: the next one begins later.
+        let mut start = 1;
+        let end = self.table_position.or(self.n_bytes).unwrap_or(u64::MAX);
+        let found = loop {
+            let base = self.offset;
+            let fits = |at: usize, length: u64| base + at as u64 + 8 + length <= end;
+            if let Some(at) = find_packet(&window[start..], &signature) {
+                let length = signature.length_at(&window[start + at..]);
+                if fits(start + at, length) {
+                    break Some(start + at);
+                }
+                start += at + 1;
+                continue;
+            }
+            // A head and the first bytes of its payload may lie across the border of two windows.
+            let keep = window.len().saturating_sub(PacketSignature::BYTES).max(start);
+            window.drain(..keep.min(window.len()));
+            self.offset += keep as u64;
+            start = 0;
+            let n_before = window.len();
+            let mut more = Vec::new();
+            self.read(FIRST_STEP, &mut more, None)?;
+            window.extend(more);
+            if window.len() == n_before {
+                break None;
+            }
+        };
+        self.signature = Some(signature);
+        let Some(at) = found else { return Ok(false) };
+        self.offset += at as u64;
+        window.drain(..at);
+        window.extend(std::mem::take(&mut self.pending));
+        self.pending = window;
+        Ok(true)
+    }
+
+    /// The next packet; with an error, the bytes that were read of it.
+    fn next_in_place(
+        &mut self,
+        payload: Vec<u8>,
+    ) -> Result<Option<RawPacket>, Box<(ReadError, Vec<u8>)>> {
+        let without = |error| Box::new((error, Vec::new()));
         if self.table_position == Some(self.offset) {
-            return self.check_table().map(|()| None);
+            return self.check_table().map(|()| None).map_err(without);
         }
         let mut payload = payload;
-        self.read(8, &mut payload, None)?;
+        self.read(8, &mut payload, None).map_err(without)?;
         let Some((&head, [])) = payload.split_first_chunk::<8>() else {
-            return self.end_after(payload.len()).map(|()| None);
+            return self.end_after(payload.len()).map(|()| None).map_err(without);
         };
         let word = u64::from_le_bytes(head);
         let (stream, length) = (word as u32, (word >> 32) as usize);
-        self.check_length(stream, length as u64)?;
-        self.read(length, &mut payload, Some(stream))?;
+        self.check_length(stream, length as u64)
+            .map_err(|error| Box::new((error, head.to_vec())))?;
+        if self.signature.as_ref().is_some_and(|known| !known.streams.contains(&stream)) {
+            let expected = "a packet of a stream that the header describes".to_owned();
+            let found = format!("one of stream {stream}");
+            let error = self.malformed(Some(stream), expected, found, DAMAGED);
+            return Err(Box::new((error, head.to_vec())));
+        }
+        self.read(length, &mut payload, Some(stream)).map_err(without)?;
         if payload.len() < length {
             let expected = format!("a packet of {length} bytes");
             let found = ends_after(payload.len());
-            return Err(self.malformed(Some(stream), expected, found, CUT));
+            let error = self.malformed(Some(stream), expected, found, CUT);
+            return Err(Box::new((error, [&head[..], &payload].concat())));
         }
-        let packet = RawPacket { stream, index: self.n_packets, offset: self.offset, payload };
+        let packet = RawPacket {
+            stream,
+            index: self.n_packets,
+            offset: self.offset,
+            payload,
+            damage_before: None,
+        };
         self.offset += 8 + length as u64;
         self.n_packets += 1;
         Ok(Some(packet))
@@ -178,7 +268,8 @@ impl<R: Read> Framing<R> {
             .and_then(|count| count);
         let expected = || format!("the data table of {} packets", self.n_packets);
         match count {
-            Ok(n) if n as u64 == self.n_packets => Ok(()),
+            // Packets that were passed over are in the table.
+            Ok(n) if n as u64 == self.n_packets || self.n_damaged > 0 => Ok(()),
             Ok(n) => {
                 let found = format!("a data table of {n} packets");
                 Err(self.malformed(None, expected(), found, DAMAGED))
@@ -208,6 +299,9 @@ impl<R: Read> Framing<R> {
         stream: Option<u32>,
     ) -> Result<(), ReadError> {
         bytes.reserve(n.min(FIRST_STEP));
+        let n_pending = n.min(self.pending.len());
+        bytes.extend(self.pending.drain(..n_pending));
+        let n = n - n_pending;
         let read = self.source.by_ref().take(n as u64).read_to_end(bytes);
         read.map(|_| ()).map_err(|source| self.failed(stream, source))
     }
@@ -229,22 +323,6 @@ impl<R: Read> Framing<R> {
     fn place(&self, stream: Option<u32>) -> FilePosition {
         let packet = self.is_in_packets.then_some(self.n_packets);
         FilePosition { name: self.name.clone(), offset: self.offset, packet, stream }
-    }
-
-    /// The error for a packet that was read whole but cannot be decoded.
-    pub(super) fn undecodable(
-        &self,
-        packet: &RawPacket,
-        expected: String,
-        found: String,
-    ) -> ReadError {
-        let place = FilePosition {
-            name: self.name.clone(),
-            offset: packet.offset,
-            packet: Some(packet.index),
-            stream: Some(packet.stream),
-        };
-        ReadError::Malformed { place, expected, found, advice: DAMAGED }
     }
 
     pub(super) fn compression(&self) -> Compression {

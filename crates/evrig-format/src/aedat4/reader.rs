@@ -31,8 +31,9 @@ const PARTS_PER_THREAD: usize = 4;
 
 /// Reads AEDAT4 packet by packet, from a file or a socket, in bounded memory.
 ///
-/// An iterator over packets in file order. After damage, a cut or an I/O error it yields exactly
-/// one error and then ends; every packet before the error was delivered. A clean end yields none.
+/// An iterator over packets in file order. Damaged packets are passed over and counted in
+/// [`Losses::damaged_packets`]. After a cut or an I/O error it yields exactly one error and then
+/// ends; every packet before the error was delivered. A clean end yields none.
 /// Memory: some packets a thread, read ahead and decoded side by side, at most [`MAX_PACKET_BYTES`]
 /// for each of raw bytes, all packets decoded together, and a single large one.
 #[derive(Debug)]
@@ -221,7 +222,7 @@ impl<R: Read> Reader<R> {
 
     /// Counts losses and returns the packet; none for a packet that was lost entirely.
     fn deliver(&mut self, packet: RawPacket, decoded: Decoded) -> Option<Packet> {
-        let RawPacket { stream, index, offset, payload } = packet;
+        let RawPacket { stream, index, offset, payload, .. } = packet;
         self.spare.push(payload);
         self.losses.events += decoded.lost_events;
         self.losses.frames += u64::from(decoded.content.is_none());
@@ -234,12 +235,16 @@ impl<R: Read> Reader<R> {
         Some(Packet { stream, index, offset, content })
     }
 
-    /// Ends reading at a packet that cannot be decoded.
-    fn fail(&mut self, packet: &RawPacket, expected: String, found: String) -> ReadError {
-        self.is_over = true;
-        self.ready.clear();
-        self.ahead.clear();
-        self.framing.undecodable(packet, expected, found)
+    /// Counts a packet that cannot be decoded; the next one is where its length states.
+    fn pass_over(&mut self, packet: RawPacket, expected: &str, found: &str) {
+        let RawPacket { stream, index, offset, .. } = packet;
+        self.losses.damaged_packets += 1;
+        let what = || {
+            format!(
+                "byte {offset}, packet {index} of stream {stream}: expected {expected}, found {found}"
+            )
+        };
+        self.losses.first_damage.get_or_insert_with(what);
     }
 }
 
@@ -259,6 +264,10 @@ impl<R: Read> Iterator for Reader<R> {
                 continue;
             };
             let mut job = job;
+            if let Some(damage) = job.packet.damage_before.take() {
+                self.losses.damaged_packets += 1;
+                self.losses.first_damage.get_or_insert(damage);
+            }
             if matches!(job.decoded, Err(DecodeFailure::TooLarge)) {
                 job.decode(&self.streams, self.framing.compression(), MAX_PACKET_BYTES);
             }
@@ -271,11 +280,10 @@ impl<R: Read> Iterator for Reader<R> {
                 }
                 Err(DecodeFailure::TooLarge) => {
                     let expected = format!("at most {MAX_PACKET_BYTES} bytes once decompressed");
-                    let found = "more than that".to_owned();
-                    return Some(Err(self.fail(&packet, expected, found)));
+                    self.pass_over(packet, &expected, "more than that");
                 }
                 Err(DecodeFailure::Damaged(expected, found)) => {
-                    return Some(Err(self.fail(&packet, expected, found)));
+                    self.pass_over(packet, &expected, &found);
                 }
             }
         }

@@ -38,7 +38,33 @@ pub(super) fn read_header(reader: &mut impl Read) -> Result<NpyHeader, Error> {
     if !is_countable(&header[at_text..]) {
         return Err(wrong("its shape has more elements than can be counted"));
     }
+    if let Some(text) = without_titles(&header[at_text..]) {
+        header.truncate(at_text);
+        header.extend(text);
+    }
     NpyHeader::from_reader(header.as_slice())
+}
+
+/// The header's text with `('name', type)` for each `(('title', 'name'), type)`, which the crate
+/// does not parse, padded to the same length. None where there is no title.
+fn without_titles(text: &[u8]) -> Option<Vec<u8>> {
+    let text = std::str::from_utf8(text).ok().filter(|text| text.contains("(("))?;
+    let n_bytes = text.len();
+    let mut plain = String::with_capacity(n_bytes);
+    let mut rest = text;
+    while let Some((before, titled)) = rest.split_once("((") {
+        let (pair, behind) = titled.split_once(')')?;
+        let (_title, name) = pair.split_once(',')?;
+        plain.push_str(before);
+        plain.push('(');
+        plain.push_str(name.trim());
+        rest = behind;
+    }
+    plain.push_str(rest.trim_end());
+    let n_blanks = n_bytes.saturating_sub(plain.len() + 1);
+    plain.extend(std::iter::repeat_n(' ', n_blanks));
+    plain.push('\n');
+    Some(plain.into_bytes())
 }
 
 /// How many brackets are open at most.

@@ -67,6 +67,8 @@ enum NumberKind {
     Int,
     Uint,
     Float,
+    /// Bytes between fields of an aligned or padded record.
+    Padding,
 }
 
 #[derive(Debug, Clone)]
@@ -184,6 +186,7 @@ impl<R: Read> ArrayReader<R> {
     pub fn read_all(mut self) -> Result<Array, NpyError> {
         let row = self.element_bytes();
         let mut columns: Vec<Column> = self.fields.iter().map(Field::empty_column).collect();
+        let is_padding = |field: &Field| matches!(field.kind, NumberKind::Padding);
         // A header may announce more than there is: memory grows with the data read.
         let mut left = self.n_elements();
         while left > 0 {
@@ -192,13 +195,16 @@ impl<R: Read> ArrayReader<R> {
             let mut at = 0;
             for (field, column) in self.fields.iter().zip(&mut columns) {
                 let cells = bytes.chunks_exact(row).map(|cells| &cells[at..at + field.n_bytes]);
-                field.decode(cells, column);
+                if !is_padding(field) {
+                    field.decode(cells, column);
+                }
                 at += field.n_bytes;
             }
             left -= n_rows as u64;
         }
-        let names = self.fields.into_iter().map(|field| field.name);
-        Ok(Array { shape: self.shape, fields: names.zip(columns).collect() })
+        let fields = self.fields.into_iter().zip(columns).filter(|(field, _)| !is_padding(field));
+        let fields = fields.map(|(field, column)| (field.name, column)).collect();
+        Ok(Array { shape: self.shape, fields })
     }
 }
 
@@ -248,12 +254,17 @@ impl Field {
             TypeChar::Int => NumberKind::Int,
             TypeChar::Uint | TypeChar::Bool => NumberKind::Uint,
             TypeChar::Float => NumberKind::Float,
+            TypeChar::RawData if name.is_empty() => NumberKind::Padding,
             _ => return Err(format!("elements of type {element} are not numbers")),
         };
-        let n_bytes = element.num_bytes().unwrap_or(0);
+        let n_bytes = match kind {
+            NumberKind::Padding => element.size_field() as usize,
+            _ => element.num_bytes().unwrap_or(0),
+        };
         let is_known = match kind {
             NumberKind::Float => matches!(n_bytes, 4 | 8),
             NumberKind::Int | NumberKind::Uint => matches!(n_bytes, 1 | 2 | 4 | 8),
+            NumberKind::Padding => n_bytes > 0,
         };
         if !is_known {
             return Err(format!("elements of type {element} are not read; use int64 or float64"));
@@ -265,7 +276,7 @@ impl Field {
     fn empty_column(&self) -> Column {
         match self.kind {
             NumberKind::Float => Column::Float(Vec::new()),
-            NumberKind::Int | NumberKind::Uint => Column::Int(Vec::new()),
+            NumberKind::Int | NumberKind::Uint | NumberKind::Padding => Column::Int(Vec::new()),
         }
     }
 
@@ -292,7 +303,9 @@ impl Field {
         match self.kind {
             // Shifting left and back carries the sign of a narrow integer to all 64 bits.
             NumberKind::Int => ((bits << unused) as i64) >> unused,
-            NumberKind::Uint | NumberKind::Float => i64::try_from(bits).unwrap_or(i64::MAX),
+            NumberKind::Uint | NumberKind::Float | NumberKind::Padding => {
+                i64::try_from(bits).unwrap_or(i64::MAX)
+            }
         }
     }
 
@@ -307,6 +320,9 @@ impl Field {
 
 fn fields_of(dtype: &DType) -> Result<Vec<Field>, String> {
     match dtype {
+        DType::Plain(element) if matches!(element.type_char(), TypeChar::RawData) => {
+            Err(format!("elements of type {element} are not numbers"))
+        }
         DType::Plain(element) => Ok(vec![Field::new(String::new(), element)?]),
         DType::Record(fields) if fields.is_empty() => Err("its elements have no fields".into()),
         DType::Record(fields) => fields

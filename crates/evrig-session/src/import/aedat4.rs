@@ -1,19 +1,23 @@
 //! A plain DAVIS recording becomes a session.
 
+use super::aedat4_epochs::PartedFile;
 use super::builder::SessionBuilder;
-use crate::file_counts::{FileCounts, count_file};
+use super::event_table::{check_overlap, check_stamps};
+use crate::epochs::EpochChoice;
+use crate::file_counts::{FileCounts, StreamCounts, count_file};
 use crate::manifest::file_name;
 use crate::{
     Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus,
-    StreamEntry,
+    StreamEntry, StreamKind,
 };
-use evrig_format::aedat4::Reader;
+use evrig_format::aedat4::{Reader, StreamHeader};
 use serde_json::json;
 use std::path::Path;
 
 /// Copies an AEDAT4 file into a new session and counts what is in it.
 ///
-/// The bytes are copied unchanged, a damaged tail included. `progress` gets the number of
+/// The bytes are copied unchanged, a damaged tail included, unless the camera's clock restarted: then
+/// the chosen epoch is written alone. `progress` gets the number of
 /// bytes done, out of twice the file's length (copy and count).
 ///
 /// # Errors
@@ -21,25 +25,78 @@ use std::path::Path;
 pub fn import_aedat4(
     source: &Path,
     root: &Path,
+    epoch: EpochChoice,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Manifest, SessionError> {
     // Refuse what is no AEDAT4 file before anything is made.
     drop(Reader::open(source)?);
+    let found = count_file(source, progress)?;
+    let n_bytes = std::fs::metadata(source).map_or(0, |about| about.len());
     let builder = SessionBuilder::take(root)?;
     let path = builder.layout.davis();
-    let n_bytes = std::fs::copy(source, &path).map_err(SessionError::io(source))?;
-    progress(n_bytes);
-    let found = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
+    let parted = PartedFile::write(source, &path, &found, epoch)?;
+    let (found, parted) = match parted {
+        Some(parted) => {
+            let damage = found.damage;
+            let again = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
+            (FileCounts { damage, ..again }, parted)
+        }
+        None => {
+            std::fs::copy(source, &path).map_err(SessionError::io(source))?;
+            (found, PartedFile::default())
+        }
+    };
+    progress(2 * n_bytes);
     let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
     if let (Some(damage), 0) = (&found.damage, n_read) {
         return Err(SessionError::import(source, format!("nothing can be read: {damage}")));
     }
-    let manifest = manifest(&builder, source, &path, &found)?;
+    // Epochs that are laid into each other have no one span.
+    if epoch != EpochChoice::All {
+        check_counts(source, &found)?;
+    }
+    let whole = manifest(&builder, source, &path, &found)?;
+    let PartedFile { losses, mut decisions } = parted;
+    decisions.extend(named_streams(&whole.streams, &found));
+    let losses = whole.losses.iter().cloned().chain(losses).collect();
+    let manifest = Manifest { losses, decisions, ..whole };
     let mut journal = Journal::open(&builder.layout.journal())?;
     journal
         .note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
     builder.seal(&manifest)?;
     Ok(manifest)
+}
+
+/// The names of streams of which the file has several of a kind.
+fn named_streams(entries: &[StreamEntry], found: &FileCounts) -> Vec<String> {
+    let has_others =
+        |entry: &StreamEntry| entries.iter().filter(|other| other.kind == entry.kind).count() > 1;
+    let named = entries.iter().zip(&found.streams).filter(|(entry, _)| has_others(entry));
+    let decision = |(entry, counted): (&StreamEntry, &StreamCounts)| {
+        let StreamHeader { id, name, source, .. } = &counted.stream;
+        format!("stream {id} of the file (`{name}` of `{source}`) is `{}`", entry.name)
+    };
+    named.map(decision).collect()
+}
+
+/// Refuses events that no camera gives, and events and frames that share no time.
+fn check_counts(source: &Path, found: &FileCounts) -> Result<(), SessionError> {
+    let span = |kind: StreamKind| {
+        let of_kind = found.streams.iter().filter(move |stream| stream.kind == kind);
+        let stream = of_kind.filter(|stream| stream.count > 1).max_by_key(|stream| stream.count)?;
+        Some(<[i64; 2]>::from(stream.first_us.zip(stream.last_us)?))
+    };
+    let wrong = |what: String| SessionError::import(source, what);
+    let events = span(StreamKind::Events);
+    if let (Some(events), Some(frames)) = (events, span(StreamKind::Frames)) {
+        check_overlap(events, frames).map_err(wrong)?;
+    }
+    let of_events = found.streams.iter().filter(|stream| stream.kind == StreamKind::Events);
+    for stream in of_events.filter(|stream| stream.first_us == stream.last_us) {
+        let n = stream.count.min(1_000) as usize;
+        check_stamps(&vec![stream.first_us.unwrap_or(0); n]).map_err(wrong)?;
+    }
+    Ok(())
 }
 
 fn manifest(

@@ -1,245 +1,308 @@
-//! Events from tables: npy, npz, csv, HDF5; columns t (µs), x, y, p.
+//! Events from tables: npy, npz, text, HDF5 and Parquet.
+//!
+//! Which column is which, the unit of time and the convention of polarity are stated by the file or
+//! the user, or are the only ones that fit the data; each is entered as a decision.
 
+mod column_facts;
+mod columns;
+mod floor;
+mod polarity;
+mod stored;
+mod time_unit;
+
+pub use columns::ColumnOrder;
+pub(super) use floor::{check_area, check_overlap, check_stamps};
+pub use polarity::PolarityRule;
+pub use time_unit::TimeUnit;
+pub(super) use time_unit::{TIME_UNITS, seconds, stated_in, to_micros};
+
+use crate::epochs::{EpochChoice, Epochs};
 use crate::{DataLoss, SessionError};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
-use evrig_format::aedat4::{Content, Reader};
-use evrig_format::hdf5;
-use evrig_format::npy::{Array, ArrayReader, Column, Npz};
+use evrig_format::StoredTable;
+use evrig_format::npy::Column;
 use std::path::Path;
+use time_unit::{StampResolution, TimeEvidence};
 
-/// Events read from a file, and what of them could not be taken.
+/// What the user states about a table of events.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct EventTableOptions {
+    /// The unit of time.
+    pub time_unit: Option<TimeUnit>,
+    /// The order of the columns.
+    pub columns: Option<ColumnOrder>,
+    /// The values of the polarity.
+    pub polarity: Option<PolarityRule>,
+    /// The table of a file that has several.
+    pub table: Option<String>,
+    /// Which run of a restarted clock to take.
+    pub epoch: EpochChoice,
+    /// Time of the first event on the frames' clock, µs.
+    pub begin_us: Option<i64>,
+}
+
+/// The grid and the time that events are expected in.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct EventSetting {
+    /// The frames' grid, or that of `--size`.
+    pub(super) size: Option<Size>,
+    /// First and last frame, µs.
+    pub(super) frames_us: Option<[i64; 2]>,
+}
+
+/// Events read from a file, what of them could not be taken, and what was decided about them.
+#[derive(Debug)]
 pub(super) struct ImportedEvents {
     pub(super) events: Events,
+    pub(super) size: Size,
     pub(super) losses: Vec<DataLoss>,
+    pub(super) decisions: Vec<String>,
 }
 
-/// The four columns as whole numbers, of equal length.
-struct IntegerColumns {
-    t: Vec<i64>,
+/// Endings of tables.
+pub(super) const TABLE_ENDINGS: [&str; 9] =
+    ["npy", "npz", "csv", "txt", "tsv", "h5", "hdf5", "hdf", "parquet"];
+
+/// Reads the events of a table.
+pub(super) fn read(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+) -> Result<ImportedEvents, SessionError> {
+    let table = stored::read(path, options.table.as_deref())?;
+    interpret(table, stream, options, setting).map_err(|what| SessionError::import(path, what))
+}
+
+/// Decides what the columns of a table are and makes events of them.
+fn interpret(
+    table: StoredTable,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+) -> Result<ImportedEvents, String> {
+    if table.n_rows() == 0 {
+        return Err("holds no events".into());
+    }
+    let assignment = columns::assign(&table, options.columns.as_ref(), setting.size)?;
+    let damage = table.damage.clone();
+    let notes = table.notes;
+    let mut taken: Vec<Option<Column>> =
+        table.columns.into_iter().map(|(_, column)| Some(column)).collect();
+    let mut take = |i: usize| taken[assignment.columns[i]].take().unwrap_or(Column::Int(vec![]));
+    let [t, x, y, p] = [take(0), take(1), take(2), take(3)];
+    let lengths = [t.len(), x.len(), y.len(), p.len()];
+    if lengths.iter().any(|n| *n != lengths[0]) {
+        return Err(format!("columns t, x, y, p have {lengths:?} values; expected equal numbers"));
+    }
+    let x = floor::whole_coordinates("x", x)?;
+    let y = floor::whole_coordinates("y", y)?;
+    let mut decisions = vec![assignment.decision];
+    let size = match setting.size {
+        Some(size) => size,
+        None => grid(&x, &y, &notes, &mut decisions)?,
+    };
+    let stated = options.time_unit.map(|unit| (unit, "--time-unit".to_owned()));
+    let stated = stated.or(assignment.unit).or_else(|| {
+        let note = |note: &String| stated_in(note).map(|unit| (unit, format!("`{note}`")));
+        notes.iter().find_map(note)
+    });
+    let unit = decide_unit(&t, stated, size, setting, table.t_offset_us, options)?;
+    let mut t_us = to_micros(&t, unit.0)
+        .map_err(|i| format!("event {i}: its time is beyond 64 bits of us"))?;
+    decisions.push(unit.1.clone());
+    let (on, decision) = polarity::decide(p, options.polarity)?;
+    decisions.push(decision);
+    shift(&mut t_us, table.t_offset_us, options.begin_us, &mut decisions)?;
+    check_stamps(&t_us)?;
+    let rows = EventRows { t_us, x, y, on };
+    let found = rows.assemble(stream, size, options.epoch, setting);
+    let mut found = found.map_err(|what| format!("{what} ({})", unit.1))?;
+    decisions.append(&mut found.decisions);
+    found.decisions = decisions;
+    let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
+    found.losses.extend(damage.map(loss));
+    Ok(found)
+}
+
+fn decide_unit(
+    t: &Column,
+    stated: Option<(TimeUnit, String)>,
+    size: Size,
+    setting: EventSetting,
+    offset_us: i64,
+    options: &EventTableOptions,
+) -> Result<(TimeUnit, String), String> {
+    let (range, resolution) = match t {
+        Column::Int(values) => {
+            (range(values.iter().map(|t| *t as f64).collect()), StampResolution::Whole)
+        }
+        Column::Float(values) => (range(values.clone()), resolution(values)),
+    };
+    // Events that are shifted are not where the frames are.
+    let is_shifted = options.begin_us.is_some() || offset_us != 0;
+    let frames_us = setting.frames_us.filter(|[first, last]| last > first && !is_shifted);
+    let evidence =
+        TimeEvidence { n: t.len(), range, resolution, n_pixels: size.n_pixels() as f64, frames_us };
+    evidence.decide(stated)
+}
+
+/// Range of the middle eight tenths of the times, which a few stray stamps do not change; of all
+/// where they are few.
+fn range(mut t: Vec<f64>) -> [f64; 2] {
+    let n_outer = if t.len() < MIN_EVENTS_FOR_TENTHS { 0 } else { t.len() / 10 };
+    let last = t.len().saturating_sub(1);
+    let mut nth = |i: usize| {
+        let (_, value, _) = t.select_nth_unstable_by(i, f64::total_cmp);
+        *value
+    };
+    [nth(n_outer), nth(last - n_outer)]
+}
+
+/// Fewer events have no tenths.
+const MIN_EVENTS_FOR_TENTHS: usize = 20;
+
+fn resolution(values: &[f64]) -> StampResolution {
+    let is_near_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
+    if values.iter().all(|value| value.fract() == 0.0) {
+        StampResolution::Whole
+    } else if values.iter().all(|value| is_near_whole(value * 1e3)) && values[0].abs() < 1e6 {
+        StampResolution::Thousandths
+    } else {
+        StampResolution::Finer
+    }
+}
+
+/// The grid that a note states, or the smallest that holds the events.
+fn grid(
+    x: &[i64],
+    y: &[i64],
+    notes: &[String],
+    decisions: &mut Vec<String>,
+) -> Result<Size, String> {
+    let stated = notes.iter().find_map(|note| {
+        let (width, height) = note.strip_prefix("sensor size ")?.split_once(" x ")?;
+        Some((width.parse::<u16>().ok()?, height.parse::<u16>().ok()?))
+    });
+    if let Some((width, height)) = stated.filter(|(width, height)| *width > 0 && *height > 0) {
+        let size = Size::new(width, height);
+        decisions.push(format!("the sensor has {size} pixels (first line)"));
+        return Ok(size);
+    }
+    let side = |values: &[i64], name: &str| {
+        let most = values.iter().copied().max().unwrap_or(0);
+        let side = u16::try_from(most + 1).ok().filter(|side| *side > 0);
+        side.ok_or_else(|| format!("{name} is up to {most}; expected 0 to 65534"))
+    };
+    let size = Size::new(side(x, "x")?, side(y, "y")?);
+    decisions.push(format!("the sensor has {size} pixels, by its outermost events; see --size"));
+    Ok(size)
+}
+
+/// Adds the offset of the file, or moves the first event to where the user wants it.
+fn shift(
+    t_us: &mut [i64],
+    offset_us: i64,
+    begin_us: Option<i64>,
+    decisions: &mut Vec<String>,
+) -> Result<(), String> {
+    let first = t_us.iter().copied().min().unwrap_or(0);
+    let by = match begin_us {
+        Some(begin) => {
+            decisions.push(format!("the first event is moved from {first} to {begin} us"));
+            begin.checked_sub(first)
+        }
+        None if offset_us == 0 => return Ok(()),
+        None => {
+            decisions.push(format!("the file's t_offset of {offset_us} us is added to the times"));
+            Some(offset_us)
+        }
+    };
+    let add = |t: &mut i64| by.and_then(|by| t.checked_add(by)).map(|moved| *t = moved);
+    match t_us.iter_mut().all(|t| add(t).is_some()) {
+        true => Ok(()),
+        false => Err("the times are beyond 64 bits of us".into()),
+    }
+}
+
+/// Columns that are understood.
+struct EventRows {
+    t_us: Vec<i64>,
     x: Vec<i64>,
     y: Vec<i64>,
-    p: Vec<i64>,
+    on: Vec<bool>,
 }
 
-/// Reads events of the pixel grid `size` from a file, by its extension.
-pub(super) fn read(path: &Path, stream: &str, size: Size) -> Result<ImportedEvents, SessionError> {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    match ending.as_str() {
-        "npy" => {
-            let array = ArrayReader::open(path)?.read_all()?;
-            assemble(path, stream, size, from_array(path, array)?)
+impl EventRows {
+    fn assemble(
+        self,
+        stream: &str,
+        size: Size,
+        choice: EpochChoice,
+        setting: EventSetting,
+    ) -> Result<ImportedEvents, String> {
+        let Self { t_us, mut x, mut y, on } = self;
+        let mut decisions = Vec::new();
+        if is_one_based(&x, size.width) && is_one_based(&y, size.height) && setting.size.is_some() {
+            decisions.push("x and y count from 1; they are stored from 0".into());
+            x.iter_mut().chain(&mut y).for_each(|v| *v -= 1);
         }
-        "npz" => assemble(path, stream, size, from_npz(path)?),
-        "csv" | "txt" => assemble(path, stream, size, from_csv(path)?),
-        "h5" | "hdf5" => assemble(path, stream, size, from_hdf5(path)?),
-        "aedat4" => from_aedat4(path, stream, size),
-        _ => Err(SessionError::import(
-            path,
-            format!(
-                "events are read from .npz, .npy, .csv, .txt, .h5, .hdf5 or .aedat4, not `.{ending}`"
-            ),
-        )),
-    }
-}
-
-fn from_aedat4(path: &Path, stream: &str, size: Size) -> Result<ImportedEvents, SessionError> {
-    let mut columns = IntegerColumns { t: vec![], x: vec![], y: vec![], p: vec![] };
-    let mut damage = None;
-    for packet in Reader::open(path)? {
-        match packet {
-            Ok(packet) => {
-                let Content::Events(events) = packet.content else { continue };
-                for event in events.as_slice().iter() {
-                    columns.t.push(event.t);
-                    columns.x.push(event.x.into());
-                    columns.y.push(event.y.into());
-                    columns.p.push(event.on.into());
-                }
+        let epochs = Epochs::of_stamps(&t_us);
+        let is_by_polarity = epochs.all.len() > 1 && are_of_one_polarity(&epochs, &on);
+        let choice = if is_by_polarity { EpochChoice::All } else { choice };
+        if is_by_polarity {
+            decisions.push("events of each polarity are in order of time; all were sorted".into());
+        }
+        let mut losses = epochs.losses(stream, "events", choice)?;
+        let mut events = Events::with_capacity(t_us.len());
+        let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
+        for (i, &t) in t_us.iter().enumerate() {
+            let (Ok(column), Ok(row)) = (u16::try_from(x[i]), u16::try_from(y[i])) else {
+                n_outside += 1;
+                continue;
+            };
+            if !size.contains(column, row) {
+                n_outside += 1;
+            } else if epochs.is_chosen(i, choice) {
+                n_disordered += u64::from(t < last);
+                last = last.max(t);
+                events.push(Event { t, x: column, y: row, on: on[i] });
             }
-            Err(error) => damage = Some(error.to_string()),
         }
-    }
-    let mut table = assemble(path, stream, size, columns)?;
-    let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
-    table.losses.extend(damage.map(loss));
-    Ok(table)
-}
-
-fn from_hdf5(path: &Path) -> Result<IntegerColumns, SessionError> {
-    let table = hdf5::read_events(path)?;
-    let mut columns = columns_from(path, table.columns.into())?;
-    columns.t.iter_mut().for_each(|t| *t = t.saturating_add(table.t_offset_us));
-    Ok(columns)
-}
-
-fn from_npz(path: &Path) -> Result<IntegerColumns, SessionError> {
-    let mut npz = Npz::open(path)?;
-    let names = npz.names();
-    let wrong = |what: String| SessionError::import(path, what);
-    let columns_by_name: Option<Vec<String>> = [["t", "t_us"], ["x", "x"], ["y", "y"], ["p", "on"]]
-        .iter()
-        .map(|known| known.iter().find(|n| names.iter().any(|m| m == *n)).map(|n| n.to_string()))
-        .collect();
-    if let Some(found) = columns_by_name {
-        let mut fields = Vec::new();
-        for name in found {
-            let column = npz.array(&name)?.fields.pop();
-            fields.push(column.ok_or_else(|| wrong(format!("array `{name}` is empty")))?.1);
+        floor::check_grid(&x, &y, n_outside, size)?;
+        events.sort_by_time();
+        check_area(events.as_slice(), size)?;
+        let span = [events.as_slice().t.first(), events.as_slice().t.last()];
+        if let ([Some(&begin), Some(&end)], Some(frames)) = (span, setting.frames_us) {
+            check_overlap([begin, end], frames)?;
         }
-        return columns_from(path, fields);
-    }
-    let table = ["events", "arr_0"].into_iter().find(|name| names.iter().any(|n| n == name));
-    match (table, names.as_slice()) {
-        (Some(name), _) => from_array(path, npz.array(name)?),
-        (None, [only]) => from_array(path, npz.array(only)?),
-        (None, _) => Err(wrong(format!(
-            "holds {names:?}; expected arrays t, x, y, p, or one array `events` of shape (N, 4)"
-        ))),
-    }
-}
-
-/// A structured array with fields t, x, y, p, or a plain one of shape (N, 4).
-fn from_array(path: &Path, array: Array) -> Result<IntegerColumns, SessionError> {
-    let wrong = |what: String| SessionError::import(path, what);
-    if array.fields.len() > 1 {
-        let names: Vec<String> = array.fields.iter().map(|(name, _)| name.clone()).collect();
-        let mut fields = array.fields;
-        let mut take = |known: &[&str]| {
-            let at = fields.iter().position(|(name, _)| known.contains(&name.as_str()))?;
-            Some(fields.swap_remove(at).1)
-        };
-        let found = [
-            take(&["t", "t_us", "ts", "timestamp"]),
-            take(&["x"]),
-            take(&["y"]),
-            take(&["p", "on", "polarity"]),
-        ];
-        let found: Option<Vec<Column>> = found.into_iter().collect();
-        let found =
-            found.ok_or_else(|| wrong(format!("has fields {names:?}; expected t, x, y and p")))?;
-        return columns_from(path, found);
-    }
-    let plain = array.fields.into_iter().next();
-    match (array.shape.as_slice(), plain) {
-        ([_, 4], Some((_, column))) => {
-            let values = whole(path, "the array", column)?;
-            let pick = |i: usize| values.iter().skip(i).step_by(4).copied().collect();
-            Ok(IntegerColumns { t: pick(0), x: pick(1), y: pick(2), p: pick(3) })
+        let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
+        if n_outside > 0 {
+            losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
         }
-        (shape, _) => Err(wrong(format!(
-            "has shape {shape:?}; expected (N, 4) with columns t in us, x, y, p"
-        ))),
+        if n_disordered > 0 {
+            losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
+        }
+        Ok(ImportedEvents { events, size, losses, decisions })
     }
 }
 
-fn columns_from(path: &Path, fields: Vec<Column>) -> Result<IntegerColumns, SessionError> {
-    let lengths: Vec<usize> = fields.iter().map(Column::len).collect();
-    if lengths.iter().any(|n| *n != lengths[0]) {
-        let what = format!("columns t, x, y, p have {lengths:?} values; expected as many in each");
-        return Err(SessionError::import(path, what));
-    }
-    let names = ["column t", "column x", "column y", "column p"];
-    let mut columns = names.into_iter().zip(fields).map(|(name, field)| whole(path, name, field));
-    let mut next = || columns.next().unwrap_or_else(|| Ok(Vec::new()));
-    Ok(IntegerColumns { t: next()?, x: next()?, y: next()?, p: next()? })
-}
-
-fn whole(path: &Path, name: &str, column: Column) -> Result<Vec<i64>, SessionError> {
-    column.into_integers().map_err(|i| {
-        SessionError::import(path, format!("{name} holds a value at index {i} that is no number"))
+/// Whether every epoch holds events of one polarity: then the table was sorted by polarity.
+fn are_of_one_polarity(epochs: &Epochs, on: &[bool]) -> bool {
+    let mut found: Vec<Option<bool>> = vec![None; epochs.all.len()];
+    on.iter().enumerate().all(|(i, on)| {
+        let of_epoch = &mut found[epochs.epoch_of(i as u64)];
+        *of_epoch.get_or_insert(*on) == *on
     })
 }
 
-/// Text with one event a line, `t,x,y,p`; a heading may name the columns in another order,
-/// and blanks may replace the commas.
-fn from_csv(path: &Path) -> Result<IntegerColumns, SessionError> {
-    let text = std::fs::read_to_string(path).map_err(SessionError::io(path))?;
-    let delimiter = if text.lines().take(3).any(|line| line.contains(',')) { b',' } else { b' ' };
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .delimiter(delimiter)
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    let mut order = [0, 1, 2, 3];
-    let mut columns = IntegerColumns { t: vec![], x: vec![], y: vec![], p: vec![] };
-    for (number, record) in reader.records().enumerate() {
-        let record = record.map_err(|e| SessionError::import(path, e.to_string()))?;
-        let line = record.position().map_or(number as u64 + 1, csv::Position::line);
-        let cells: Vec<&str> = record.iter().filter(|cell| !cell.is_empty()).collect();
-        let is_heading = cells.iter().any(|cell| cell.parse::<f64>().is_err());
-        if number == 0 && is_heading {
-            order = heading(path, &cells)?;
-            continue;
-        }
-        let cell = |i: usize| {
-            let cell = cells.get(order[i]).copied().unwrap_or("");
-            let number = cell.parse::<i64>().ok().or_else(|| {
-                cell.parse::<f64>().ok().filter(|v| v.is_finite()).map(|v| v.round() as i64)
-            });
-            number.ok_or_else(|| {
-                let what = format!("line {line}: expected t,x,y,p as numbers, found `{cell}`");
-                SessionError::import(path, what)
-            })
-        };
-        columns.t.push(cell(0)?);
-        columns.x.push(cell(1)?);
-        columns.y.push(cell(2)?);
-        columns.p.push(cell(3)?);
-    }
-    Ok(columns)
+/// Whether coordinates run from 1 to the side, as MATLAB counts.
+fn is_one_based(values: &[i64], side: u16) -> bool {
+    let bounds =
+        values.iter().fold([i64::MAX, i64::MIN], |[min, max], v| [min.min(*v), max.max(*v)]);
+    side > 1 && bounds == [1, i64::from(side)]
 }
 
-fn heading(path: &Path, cells: &[&str]) -> Result<[usize; 4], SessionError> {
-    let find = |known: &[&str]| {
-        let position = cells.iter().position(|c| known.contains(&c.to_lowercase().as_str()));
-        position.ok_or_else(|| {
-            let what = format!("heading {cells:?} names no column `{}`", known[0]);
-            SessionError::import(path, what)
-        })
-    };
-    Ok([
-        find(&["t", "t_us", "ts", "timestamp", "timestamp_us"])?,
-        find(&["x"])?,
-        find(&["y"])?,
-        find(&["p", "on", "polarity"])?,
-    ])
-}
-
-fn assemble(
-    path: &Path,
-    stream: &str,
-    size: Size,
-    columns: IntegerColumns,
-) -> Result<ImportedEvents, SessionError> {
-    let mut events = Events::with_capacity(columns.t.len());
-    let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
-    let xy = columns.x.iter().zip(&columns.y);
-    for (i, ((&t, (&x, &y)), &p)) in columns.t.iter().zip(xy).zip(&columns.p).enumerate() {
-        if !(-1..=1).contains(&p) {
-            let what = format!("event {i} has polarity {p}; expected 1 for On, 0 or -1 for Off");
-            return Err(SessionError::import(path, what));
-        }
-        let on_grid = (u16::try_from(x), u16::try_from(y));
-        match on_grid {
-            (Ok(x), Ok(y)) if size.contains(x, y) => {
-                n_disordered += u64::from(t < last);
-                last = last.max(t);
-                events.push(Event { t, x, y, on: p > 0 });
-            }
-            _ => n_outside += 1,
-        }
-    }
-    events.sort_by_time();
-    let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
-    let mut losses = Vec::new();
-    if n_outside > 0 {
-        losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
-    }
-    if n_disordered > 0 {
-        losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
-    }
-    Ok(ImportedEvents { events, losses })
-}
+#[cfg(test)]
+mod tests;

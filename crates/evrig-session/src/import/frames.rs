@@ -1,11 +1,12 @@
 //! ImportedFrames from an array or a folder, with events of the same grid if there are any.
 
 use super::builder::SessionBuilder;
-use super::{event_table, images};
+use super::event_table::{EventSetting, EventTableOptions, ImportedEvents, TimeUnit};
+use super::frame_times::{self, DecidedTimes, FrameTimes};
+use super::{images, imported_events};
 use crate::manifest::file_name;
 use crate::{
-    DataLoss, Journal, Manifest, Origin, SessionError, SessionStatus, StreamEntry, StreamKind,
-    StreamName,
+    Journal, Manifest, Origin, SessionError, SessionStatus, StreamEntry, StreamKind, StreamName,
 };
 use evrig_core::geometry::Size;
 use evrig_core::time::{Clock, Davis};
@@ -14,15 +15,6 @@ use evrig_format::npy::{ArrayReader, ArrayWriter, Element};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Where the frames' times come from.
-#[derive(Debug, Clone, PartialEq)]
-pub enum FrameTimes {
-    /// Equal steps from zero, frames per second.
-    Fps(f64),
-    /// A file of one time in µs a frame: npy, or text with one number a line.
-    File(PathBuf),
-}
-
 /// What to import.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportFrames<'a> {
@@ -30,16 +22,20 @@ pub struct ImportFrames<'a> {
     pub frames: &'a Path,
     /// When each frame was.
     pub times: FrameTimes,
+    /// The unit of these times, where the user states it.
+    pub frame_time_unit: Option<TimeUnit>,
     /// Events of the same pixel grid and clock.
     pub events: Option<&'a Path>,
     /// The events' stream name: `real`, or any other for events simulated elsewhere.
     pub events_name: StreamName,
+    /// What the user states about the events.
+    pub options: EventTableOptions,
 }
 
 /// The frames' stream once its array is written.
 struct ImportedFrames {
     size: Size,
-    times: Vec<i64>,
+    times: DecidedTimes,
     bits: u8,
 }
 
@@ -49,9 +45,7 @@ struct ImportedFrames {
 /// When a file is not what it should be, the times do not ascend or are not as many as the
 /// frames, `root` is taken, or writing fails.
 pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest, SessionError> {
-    if !request.frames.exists() {
-        return Err(SessionError::import(request.frames, "there is no such file or folder"));
-    }
+    check_kind(request.frames)?;
     let builder = SessionBuilder::take(root)?;
     let directory = builder.layout.frames();
     builder.make_directory(&directory)?;
@@ -62,31 +56,42 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
         from_array(request, &path)?
     };
     let times_path = directory.join("timestamps_us.npy");
-    let mut times = ArrayWriter::create(&times_path, &[frames.times.len() as u64])?;
-    times.extend(&frames.times)?;
+    let t_us = &frames.times.t_us;
+    let mut times = ArrayWriter::create(&times_path, &[t_us.len() as u64])?;
+    times.extend(t_us)?;
     times.finish()?;
 
     let mut streams = vec![frames_entry(&frames)];
     let mut files = vec![builder.file_entry(&path)?, builder.file_entry(&times_path)?];
     let mut losses = Vec::new();
+    let mut decisions = frames.times.decisions.clone();
     if let Some(events) = request.events {
-        let (entry, events_path, lost) = take_events(&builder, request, events, frames.size)?;
+        let frames_us = t_us.first().copied().zip(t_us.last().copied()).map(<[i64; 2]>::from);
+        let setting = EventSetting { size: Some(frames.size), frames_us };
+        let name = &request.events_name;
+        let found = imported_events::read(events, name.as_str(), &request.options, setting)?;
+        let (entry, events_path) = write_events(&builder, name, events, &found)?;
         files.push(builder.file_entry(&events_path)?);
         streams.push(entry);
-        losses = lost;
+        losses = found.losses;
+        decisions.extend(found.decisions);
     }
     let origin = Origin::Frames {
         frames: file_name(request.frames),
         timestamps: match &request.times {
             FrameTimes::Fps(fps) => format!("{fps} frames per second from 0"),
             FrameTimes::File(path) => file_name(path),
+            FrameTimes::Names => "numbers in the names of the images".into(),
         },
         events: request.events.map(file_name),
     };
     let manifest = Manifest::new(root, origin, SessionStatus::Complete, streams, files, losses);
+    let manifest = Manifest { decisions, ..manifest };
     let mut journal = Journal::open(&builder.layout.journal())?;
-    journal
-        .note("import frames", &json!({"origin": manifest.origin, "losses": manifest.losses}))?;
+    let note = json!({
+        "origin": manifest.origin, "decisions": manifest.decisions, "losses": manifest.losses,
+    });
+    journal.note("import frames", &note)?;
     builder.seal(&manifest)?;
     Ok(manifest)
 }
@@ -98,9 +103,9 @@ fn frames_entry(frames: &ImportedFrames) -> StreamEntry {
         file: "frames/frames.npy".into(),
         stream_id: None,
         size: Some(frames.size),
-        count: frames.times.len() as u64,
-        first_us: frames.times.first().copied(),
-        last_us: frames.times.last().copied(),
+        count: frames.times.t_us.len() as u64,
+        first_us: frames.times.t_us.first().copied(),
+        last_us: frames.times.t_us.last().copied(),
         clock: Davis::NAME.into(),
         source: format!("imported, {} bit", frames.bits),
     }
@@ -125,7 +130,7 @@ fn from_array(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames,
     if n == 0 {
         return Err(wrong("holds no frame".into()));
     }
-    let times = frame_times(&request.times, n)?;
+    let times = frame_times::decide(&request.times, request.frame_time_unit, n, &[])?;
     let bits = match reader.unsigned_bytes() {
         Some(1) => {
             copy_frames::<u8>(path, size, n, || reader.next_u8(size.n_pixels()))?;
@@ -160,8 +165,9 @@ fn copy_frames<T: Element>(
 
 fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames, SessionError> {
     let paths = images::list(request.frames)?;
-    let times = frame_times(&request.times, paths.len() as u64)?;
-    let (size, first) = images::read_gray(&paths[0])?;
+    let n = paths.len() as u64;
+    let times = frame_times::decide(&request.times, request.frame_time_unit, n, &paths)?;
+    let (size, first) = images::read_gray(&paths[0].path)?;
     let bits = match first {
         images::Gray::U8(_) => {
             write_images(path, size, &paths, images::Gray::into_u8)?;
@@ -179,12 +185,12 @@ fn from_folder(request: &ImportFrames<'_>, path: &Path) -> Result<ImportedFrames
 fn write_images<T: Element>(
     path: &Path,
     size: Size,
-    images: &[PathBuf],
+    images: &[images::NamedImage],
     samples: impl Fn(images::Gray) -> Option<Vec<T>>,
 ) -> Result<(), SessionError> {
     let shape = [images.len() as u64, size.height.into(), size.width.into()];
     let mut writer = ArrayWriter::<T>::create(path, &shape)?;
-    for image in images {
+    for image in images.iter().map(|image| image.path.as_path()) {
         let (found, gray) = images::read_gray(image)?;
         if found != size {
             let what = format!("is {found}, the first image is {size}; all must have one size");
@@ -199,87 +205,56 @@ fn write_images<T: Element>(
     Ok(writer.finish()?)
 }
 
-/// The time of each of `n` frames, ascending.
-fn frame_times(times: &FrameTimes, n: u64) -> Result<Vec<i64>, SessionError> {
-    let path = match times {
-        FrameTimes::Fps(fps) => {
-            return Ok((0..n).map(|i| (i as f64 * 1e6 / fps).round() as i64).collect());
-        }
-        FrameTimes::File(path) => path,
-    };
-    let wrong = |what: String| SessionError::import(path, what);
-    let found = if path.extension().is_some_and(|ending| ending == "npy") {
-        let column = ArrayReader::open(path)?.read_all()?.fields.pop();
-        let (_, column) = column.ok_or_else(|| wrong("is empty".into()))?;
-        column.into_integers().map_err(|i| wrong(format!("value {i} is no number")))?
-    } else {
-        times_from_text(path)?
-    };
-    if found.len() as u64 != n {
-        return Err(wrong(format!(
-            "has {} times for {n} frames; expected one a frame",
-            found.len()
-        )));
-    }
-    match found.windows(2).position(|pair| pair[1] <= pair[0]) {
-        None => Ok(found),
-        Some(i) => Err(wrong(format!(
-            "frame {} at {} us is not later than frame {i} at {} us; sort or remove it",
-            i + 1,
-            found[i + 1],
-            found[i]
-        ))),
-    }
-}
-
-fn times_from_text(path: &Path) -> Result<Vec<i64>, SessionError> {
-    let text = std::fs::read_to_string(path).map_err(SessionError::io(path))?;
-    let mut times = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let line = line.trim();
-        let word = line.rsplit([',', ' ', '\t']).next().unwrap_or(line);
-        match word.parse::<f64>() {
-            Ok(t) if t.is_finite() => times.push(t.round() as i64),
-            // A heading, a comment and empty lines are no times; anything else is a mistake.
-            _ if line.is_empty() || line.starts_with('#') || number == 0 => {}
-            _ => {
-                let what = format!("line {}: expected a time in us, found `{line}`", number + 1);
-                return Err(SessionError::import(path, what));
-            }
-        }
-    }
-    Ok(times)
-}
-
-/// Converts the events into the session's own file.
-fn take_events(
+/// Writes imported events into the session's own file.
+pub(super) fn write_events(
     builder: &SessionBuilder,
-    request: &ImportFrames<'_>,
-    events: &Path,
-    size: Size,
-) -> Result<(StreamEntry, PathBuf, Vec<DataLoss>), SessionError> {
-    let name = &request.events_name;
-    let table = event_table::read(events, name.as_str(), size)?;
+    name: &StreamName,
+    source: &Path,
+    found: &ImportedEvents,
+) -> Result<(StreamEntry, PathBuf), SessionError> {
     let directory = builder.layout.stream(name);
     builder.make_directory(&directory)?;
     let path = directory.join("events.aedat4");
-    let source = format!("imported from {}", file_name(events));
-    let spec = StreamSpec::events(size, &source);
+    let source = format!("imported from {}", file_name(source));
+    let spec = StreamSpec::events(found.size, &source);
     let mut writer = Writer::create(&path, Compression::Lz4, &[spec])?;
-    writer.write_events(0, table.events.as_slice())?;
+    writer.write_events(0, found.events.as_slice())?;
     writer.finish()?;
-    let times = table.events.as_slice().t;
+    let times = found.events.as_slice().t;
     let entry = StreamEntry {
         name: name.as_str().into(),
         kind: StreamKind::Events,
         file: format!("streams/{name}/events.aedat4"),
         stream_id: Some(0),
-        size: Some(size),
+        size: Some(found.size),
         count: times.len() as u64,
         first_us: times.first().copied(),
         last_us: times.last().copied(),
         clock: Davis::NAME.into(),
         source,
     };
-    Ok((entry, path, table.losses))
+    Ok((entry, path))
+}
+
+/// Refuses files that hold frames in a form that is not read, with what makes readable ones.
+fn check_kind(path: &Path) -> Result<(), SessionError> {
+    if !path.exists() {
+        return Err(SessionError::import(path, "there is no such file or folder"));
+    }
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let name = path.display();
+    let what = match ending.as_str() {
+        _ if path.is_dir() => return Ok(()),
+        "mp4" | "mkv" | "avi" | "mov" | "webm" | "m4v" | "h264" => format!(
+            "is a video; make images of it first: mkdir frames && ffmpeg -i '{name}' -fps_mode \
+             passthrough frames/%06d.png, then give the folder and the video's rate with --fps"
+        ),
+        "raw" | "bin" | "yuv" | "dng" => "holds frames without a description: rows may be padded, \
+             and samples packed to 10 or 12 bits; unpack them into an npy array of N x H x W, \
+             uint16"
+            .into(),
+        "npz" => "is an archive of arrays; save the frames alone with numpy.save".into(),
+        _ => return Ok(()),
+    };
+    Err(SessionError::import(path, what))
 }

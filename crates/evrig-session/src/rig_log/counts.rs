@@ -1,6 +1,6 @@
 //! Counts the contents of the rig's log.
 
-use super::source::{ReadStep, RecordSource};
+use super::source::{PassedOver, ReadStep, RecordSource};
 use super::{PacketArrival, RigLogError, Topic, image};
 use crate::StreamKind;
 use evrig_core::geometry::Size;
@@ -130,8 +130,20 @@ pub(crate) fn each_message_of(
                 }
             }
             ReadStep::Record(_) | ReadStep::Nothing => {}
-            ReadStep::Damage(what) => return Ok(Some(what)),
-            ReadStep::End => return Ok(None),
+            ReadStep::Damage(what) => return Ok(stated(source.passed_over(), Some(what))),
+            ReadStep::End => return Ok(stated(source.passed_over(), None)),
         }
+    }
+}
+
+/// Damage that was passed over, and damage at which reading ended.
+fn stated(passed_over: &PassedOver, end: Option<String>) -> Option<String> {
+    let passed = passed_over.first.as_ref().map(|first| {
+        let n = passed_over.count;
+        format!("{n} damaged chunks left out, reading went on behind them; the first: {first}")
+    });
+    match (passed, end) {
+        (Some(passed), Some(end)) => Some(format!("{passed}; then {end}")),
+        (passed, end) => passed.or(end),
     }
 }

@@ -120,11 +120,20 @@ impl ImportedPiFrames {
         let mut steps: Vec<f64> =
             records.windows(2).map(|p| (p[1].sensor - p[0].sensor) * to_ns).collect();
         let n_not_later = steps.iter().filter(|step| **step <= 0.0).count() as u64;
+        // Repeated stamps say nothing of the camera's rhythm; frames are sought between stamps that
+        // ascend, and repetitions fill them.
+        steps.retain(|step| *step > 0.0);
         let mut sorted = steps.clone();
         sorted.sort_by(f64::total_cmp);
-        let typical = evrig_core::stats::quantile_sorted(&sorted, 0.5);
-        steps.retain(|step| *step > 1.5 * typical);
-        let n_missing: f64 = steps.iter().map(|step| (step / typical).round() - 1.0).sum();
+        let n_repeated = n_not_later as f64;
+        let n_missing = match sorted.get(sorted.len() / 2) {
+            Some(&typical) => {
+                let gaps = steps.iter().filter(|step| **step > 1.5 * typical);
+                gaps.map(|step| (step / typical).round() - 1.0).sum::<f64>()
+            }
+            None => 0.0,
+        };
+        let n_missing = (n_missing - n_repeated).max(0.0);
         let real: Vec<i64> = records.iter().filter_map(|r| r.real_time_us).collect();
         let n_unreadable = (records.len() - real.len()) as u64;
         let jumps = real.windows(2).filter(|p| p[1] < p[0] || p[1] - p[0] > 1_000_000);
@@ -150,6 +159,7 @@ impl ImportedPiFrames {
         n_stamps: usize,
     ) -> Result<u64, SessionError> {
         let n_bytes = std::fs::metadata(path).map_err(SessionError::io(path))?.len();
+        check_rows(path, n_bytes, frame_bytes, n_stamps)?;
         let n_frames = n_bytes / frame_bytes as u64;
         let n_left = n_bytes % frame_bytes as u64;
         if n_frames == 0 {
@@ -237,6 +247,38 @@ impl ImportedPiFrames {
     fn lose(&mut self, stream: &str, count: u64, what: String) {
         self.losses.push(DataLoss { stream: stream.into(), what, count });
     }
+}
+
+/// Refuses a file whose bytes per record fit rows of another length: padded, or packed samples.
+fn check_rows(
+    path: &Path,
+    n_bytes: u64,
+    frame_bytes: usize,
+    n_stamps: usize,
+) -> Result<(), SessionError> {
+    let per_frame = n_bytes as f64 / (n_stamps as f64).max(1.0);
+    let ratio = per_frame / frame_bytes as f64;
+    // A few frames more or fewer than records are counted as losses.
+    if n_stamps < 2 || (0.9..1.1).contains(&ratio) || n_bytes < frame_bytes as u64 {
+        return Ok(());
+    }
+    // Rows are padded to at most 64 bytes or a power of two; packed samples are 10 or 12 of 16 bits.
+    let is_whole = n_bytes.is_multiple_of(n_stamps as u64);
+    let thought = match ratio {
+        _ if !is_whole => return Ok(()),
+        ratio if ratio > 1.0 => "rows may be padded, or --size is not that of the frames",
+        ratio if (0.6..0.65).contains(&ratio) => "samples may be packed, 10 bits each",
+        ratio if (0.74..0.8).contains(&ratio) => "samples may be packed, 12 bits each",
+        _ => return Ok(()),
+    };
+    Err(SessionError::import(
+        path,
+        format!(
+            "has {per_frame:.0} bytes for each of {n_stamps} metadata records; expected {frame_bytes} \
+             per frame: {thought}; give the frames' --size, or store them unpacked and without \
+             padding"
+        ),
+    ))
 }
 
 /// RGB frames are stored as they are: R, G, B and one unused sample per pixel.

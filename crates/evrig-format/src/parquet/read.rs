@@ -1,0 +1,127 @@
+//! Reading: the numeric columns of a table, whatever program wrote it.
+
+use super::TableError;
+use crate::StoredTable;
+use crate::npy::Column;
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+use std::fs::File;
+use std::path::Path;
+
+/// Rows read at once.
+const ROWS_PER_BATCH: usize = 1 << 16;
+
+/// Reads the columns of numbers of a table; columns of text, lists and structures are left out.
+///
+/// # Errors
+/// When the file cannot be read or a column has empty cells.
+pub fn read_table(path: &Path) -> Result<StoredTable, TableError> {
+    let file =
+        File::open(path).map_err(|source| TableError::Io { path: path.to_owned(), source })?;
+    read(file).map_err(|source| TableError::Read { path: path.to_owned(), source })
+}
+
+fn read(file: File) -> Result<StoredTable, ParquetError> {
+    let reader = SerializedFileReader::new(file)?;
+    let metadata = reader.metadata();
+    let schema = metadata.file_metadata().schema_descr_ptr();
+    let mut notes = Vec::new();
+    // The table of `evrig export`.
+    let pairs = metadata.file_metadata().key_value_metadata();
+    if pairs.is_some_and(|pairs| pairs.iter().any(|pair| pair.key == "evrig")) {
+        notes.push("# exported by evrig, time in us".to_owned());
+    }
+    let mut columns = Vec::new();
+    for (i, column) in schema.columns().iter().enumerate() {
+        let Some(mut values) = empty_column(column) else { continue };
+        notes.extend(stated_unit(column));
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group)?;
+            append(group.get_column_reader(i)?, column, &mut values)?;
+        }
+        columns.push((column.name().to_owned(), values));
+    }
+    Ok(StoredTable { columns, notes, ..StoredTable::default() })
+}
+
+/// A note of the unit that a column of times states.
+fn stated_unit(column: &ColumnDescriptor) -> Option<String> {
+    let unit = match column.logical_type_ref() {
+        Some(LogicalType::Timestamp(stamp)) => match stamp.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
+        },
+        _ => return None,
+    };
+    Some(format!("# time in {unit} (type of column {})", column.name()))
+}
+
+fn empty_column(column: &ColumnDescriptor) -> Option<Column> {
+    use parquet::basic::Type;
+    if column.max_rep_level() > 0 {
+        return None;
+    }
+    match column.physical_type() {
+        Type::BOOLEAN | Type::INT32 | Type::INT64 => Some(Column::Int(Vec::new())),
+        Type::FLOAT | Type::DOUBLE => Some(Column::Float(Vec::new())),
+        _ => None,
+    }
+}
+
+fn append(
+    reader: ColumnReader,
+    column: &ColumnDescriptor,
+    values: &mut Column,
+) -> Result<(), ParquetError> {
+    let is_u32 = column.converted_type() == ConvertedType::UINT_32;
+    match (reader, values) {
+        (ColumnReader::BoolColumnReader(reader), Column::Int(values)) => {
+            each(reader, column, |value| values.push(value.into()))
+        }
+        (ColumnReader::Int32ColumnReader(reader), Column::Int(values)) => {
+            each(reader, column, |value: i32| {
+                values.push(if is_u32 { (value as u32).into() } else { value.into() });
+            })
+        }
+        (ColumnReader::Int64ColumnReader(reader), Column::Int(values)) => {
+            each(reader, column, |value| values.push(value))
+        }
+        (ColumnReader::FloatColumnReader(reader), Column::Float(values)) => {
+            each(reader, column, |value| values.push(value.into()))
+        }
+        (ColumnReader::DoubleColumnReader(reader), Column::Float(values)) => {
+            each(reader, column, |value| values.push(value))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn each<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    column: &ColumnDescriptor,
+    mut push: impl FnMut(T::T),
+) -> Result<(), ParquetError> {
+    let mut values = Vec::new();
+    let mut levels = Vec::new();
+    loop {
+        values.clear();
+        levels.clear();
+        let is_optional = column.max_def_level() > 0;
+        let levels = is_optional.then_some(&mut levels);
+        let (n_rows, n_values, _) =
+            reader.read_records(ROWS_PER_BATCH, levels, None, &mut values)?;
+        if n_rows > n_values {
+            let what = format!("column `{}` has {} empty cells", column.name(), n_rows - n_values);
+            return Err(ParquetError::General(what));
+        }
+        if n_rows == 0 {
+            return Ok(());
+        }
+        values.drain(..).for_each(&mut push);
+    }
+}

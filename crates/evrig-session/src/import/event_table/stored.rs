@@ -1,0 +1,119 @@
+//! Tables of every container as columns.
+
+use crate::SessionError;
+use evrig_format::npy::{Array, ArrayReader, Npz};
+use evrig_format::{StoredTable, hdf5, parquet, text};
+use std::path::Path;
+
+/// Reads the columns of a file, by its ending.
+pub(super) fn read(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    Ok(match ending.as_str() {
+        "npy" => {
+            let array = ArrayReader::open(path)?.read_all()?;
+            of_array(array).map_err(|what| SessionError::import(path, what))?
+        }
+        "npz" => of_npz(path, table)?,
+        "h5" | "hdf5" | "hdf" => hdf5::read_events(path, table)?,
+        "parquet" => parquet::read_table(path)
+            .map_err(|error| SessionError::Import { path: path.to_owned(), what: plain(&error) })?,
+        _ => text::read_table(path).map_err(|error| SessionError::Import {
+            path: path.to_owned(),
+            what: plain_text(error),
+        })?,
+    })
+}
+
+/// A message without the path, which the session's error adds.
+fn plain(error: &parquet::TableError) -> String {
+    match error {
+        parquet::TableError::Io { source, .. } => source.to_string(),
+        parquet::TableError::Read { source, .. } | parquet::TableError::Write { source, .. } => {
+            format!("cannot be read as Parquet: {source}")
+        }
+    }
+}
+
+fn plain_text(error: text::TextTableError) -> String {
+    match error {
+        text::TextTableError::Io { source, .. } => source.to_string(),
+        text::TextTableError::Line { line, what, .. } => format!("line {line}: {what}"),
+    }
+}
+
+/// A structured array with named fields, or a plain one of N rows.
+fn of_array(array: Array) -> Result<StoredTable, String> {
+    if array.fields.len() > 1 {
+        return Ok(StoredTable::of_columns(array.fields));
+    }
+    let Some((_, values)) = array.fields.into_iter().next() else {
+        return Err("holds an empty array".into());
+    };
+    match array.shape.as_slice() {
+        [_, n @ 4..=8] => Ok(StoredTable::of_rows(&values, *n as usize)),
+        shape => Err(format!(
+            "has shape {shape:?}; expected (N, 4) with columns t, x, y, p, or records with fields \
+             t, x, y, p"
+        )),
+    }
+}
+
+fn of_npz(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError> {
+    let wrong = |what: String| SessionError::import(path, what);
+    let mut npz = Npz::open(path)?;
+    let names = npz.names();
+    if let Some(name) = table {
+        return of_array(npz.array(name)?).map_err(wrong);
+    }
+    // Arrays of one column each.
+    let columns: Vec<&String> = names.iter().filter(|name| is_column(name)).collect();
+    if columns.len() >= 4 {
+        let mut fields = Vec::new();
+        for name in columns {
+            let column = npz.array(name)?.fields.pop();
+            let column = column.ok_or_else(|| wrong(format!("array `{name}` is empty")))?.1;
+            fields.push((name.clone(), column));
+        }
+        return Ok(StoredTable::of_columns(fields));
+    }
+    let known = ["events", "event_data", "arr_0"];
+    let found = known.into_iter().find(|name| names.iter().any(|n| n == name));
+    let only = names.first().filter(|_| names.len() == 1).map(String::as_str);
+    let Some(name) = found.or(only) else {
+        return Err(wrong(format!(
+            "holds {names:?}; expected arrays t, x, y, p, or one array `events` of shape (N, 4); \
+             another one is chosen with --table"
+        )));
+    };
+    let mut read = of_array(npz.array(name)?).map_err(wrong)?;
+    // Arrays that only `evrig export` writes beside its events, which are in us.
+    if names.iter().any(|name| name.ends_with("_first_event")) {
+        read.notes.push("# exported by evrig, time in us".into());
+    }
+    Ok(read)
+}
+
+/// Whether an array's name is that of a column: `t`, `timestamps_us`, `x`, `polarity`.
+fn is_column(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let first = lower.split(|c: char| !c.is_alphanumeric()).next().unwrap_or("");
+    let known = [
+        "t",
+        "ts",
+        "time",
+        "times",
+        "timestamp",
+        "timestamps",
+        "x",
+        "xs",
+        "y",
+        "ys",
+        "p",
+        "ps",
+        "pol",
+        "polarity",
+        "polarities",
+        "on",
+    ];
+    known.contains(&first) && !lower.ends_with("offset")
+}

@@ -1,0 +1,237 @@
+//! Events of one stream out of a file of any kind that is read.
+
+use super::event_table::{
+    self, EventSetting, EventTableOptions, ImportedEvents, check_overlap, check_stamps,
+};
+use crate::epochs::Epochs;
+use crate::{DataLoss, SessionError};
+use evrig_core::event::Events;
+use evrig_core::geometry::Size;
+use evrig_format::aedat4::{Content, PayloadKind, Reader};
+use evrig_format::{CameraEvents, aedat2, aedat3, prophesee, rosbag};
+use std::io::Read;
+use std::path::Path;
+
+/// Formats of cameras that hold events, told apart by their first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CameraFormat {
+    Aedat2,
+    Aedat3,
+    Aedat4,
+    Prophesee,
+    RosBag,
+}
+
+impl CameraFormat {
+    /// The format of a file that begins with these bytes.
+    pub(super) fn of_start(start: &[u8]) -> Option<Self> {
+        Some(match start {
+            _ if start.starts_with(b"#!AER-DAT4") => Self::Aedat4,
+            _ if aedat3::is_header(start) => Self::Aedat3,
+            _ if aedat2::is_header(start) => Self::Aedat2,
+            _ if rosbag::is_header(start) => Self::RosBag,
+            _ => return None,
+        })
+    }
+
+    /// The format of a file.
+    pub(super) fn of_file(path: &Path) -> Result<Option<Self>, SessionError> {
+        let mut start = Vec::new();
+        let file = std::fs::File::open(path).map_err(SessionError::io(path))?;
+        file.take(16).read_to_end(&mut start).map_err(SessionError::io(path))?;
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let is_binary = matches!(ending.as_deref(), Some("raw" | "dat"));
+        let is_prophesee = is_binary && prophesee::is_header(&start);
+        Ok(Self::of_start(&start).or(is_prophesee.then_some(Self::Prophesee)))
+    }
+
+    /// The format's name.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Aedat2 => "AEDAT 2",
+            Self::Aedat3 => "AEDAT 3.1",
+            Self::Aedat4 => "AEDAT4",
+            Self::Prophesee => "Prophesee",
+            Self::RosBag => "ROS bag",
+        }
+    }
+}
+
+/// Reads the events of a file, by its first bytes and its ending.
+pub(super) fn read(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+) -> Result<ImportedEvents, SessionError> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let format = CameraFormat::of_file(path)?;
+    let found = match format {
+        Some(CameraFormat::Aedat4) => return of_aedat4(path, stream, options, setting),
+        Some(CameraFormat::Aedat2) => Some(aedat2::read_events(path, setting.size)?),
+        Some(CameraFormat::Aedat3) => Some(aedat3::read_events(path)?),
+        Some(CameraFormat::Prophesee) => Some(prophesee::read_events(path)?),
+        Some(CameraFormat::RosBag) => Some(rosbag::read_events(path, options.table.as_deref())?),
+        None => None,
+    };
+    if let Some(found) = found {
+        refuse_table_options(path, options)?;
+        return of_camera(path, stream, options, setting, found);
+    }
+    match ending.as_str() {
+        ending if event_table::TABLE_ENDINGS.contains(&ending) => {
+            event_table::read(path, stream, options, setting)
+        }
+        _ => Err(SessionError::import(
+            path,
+            format!(
+                "events are read from AEDAT 2, 3.1 and 4, Prophesee's .raw and .dat, ROS 1 .bag and \
+                 from tables: .{}; `.{ending}` is none of them",
+                event_table::TABLE_ENDINGS.join(", .")
+            ),
+        )),
+    }
+}
+
+fn of_aedat4(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+) -> Result<ImportedEvents, SessionError> {
+    refuse_table_options(path, options)?;
+    let mut reader = Reader::open(path)?;
+    let streams: Vec<_> =
+        reader.streams().iter().filter(|s| s.kind == PayloadKind::Events).cloned().collect();
+    let names: Vec<&str> = streams.iter().map(|stream| stream.name.as_str()).collect();
+    let wanted = match (options.table.as_deref(), streams.as_slice()) {
+        (None, []) => return Err(SessionError::import(path, "has no stream of events")),
+        (None, [only]) => only,
+        (Some(name), _) if names.contains(&name) => {
+            let found = streams.iter().find(|stream| stream.name == name);
+            found.unwrap_or(&streams[0])
+        }
+        _ => {
+            let what =
+                format!("has the event streams {}; choose one with --table", names.join(", "));
+            return Err(SessionError::import(path, what));
+        }
+    };
+    let mut events = Events::new();
+    let mut damage = None;
+    for packet in reader.by_ref() {
+        match packet {
+            Ok(packet) if packet.stream == wanted.id => {
+                if let Content::Events(found) = packet.content {
+                    events.extend_from_slice(found.as_slice());
+                }
+            }
+            Ok(_) => {}
+            Err(error) => damage = Some(error.to_string()),
+        }
+    }
+    let size = setting.size.or(wanted.size).unwrap_or(Size::new(1, 1));
+    let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
+    let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
+    found.losses.extend(damage.map(loss));
+    Ok(found)
+}
+
+/// Events of a camera's own format, on its sensor or the smallest grid that holds them.
+fn of_camera(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+    camera: CameraEvents,
+) -> Result<ImportedEvents, SessionError> {
+    let CameraEvents { events, size, left_out, damage, mut decisions } = camera;
+    if events.is_empty() {
+        let what = damage.unwrap_or_else(|| "holds no events".into());
+        return Err(SessionError::import(path, what));
+    }
+    let size = match setting.size.or(size) {
+        Some(size) => size,
+        None => {
+            let side = |values: &[u16]| values.iter().copied().max().unwrap_or(0).saturating_add(1);
+            let size = Size::new(side(events.as_slice().x), side(events.as_slice().y));
+            let what = "by its outermost events; see --size";
+            decisions.push(format!("the sensor has {size} pixels, {what}"));
+            size
+        }
+    };
+    let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
+    let loss = |what, count| DataLoss { stream: stream.to_owned(), what, count };
+    found.losses.extend(damage.map(|what| loss(what, 0)));
+    let left_out = left_out.into_iter();
+    decisions.extend(left_out.map(|(what, n)| format!("left out: {n} {what}, which are not read")));
+    found.decisions = decisions;
+    Ok(found)
+}
+
+/// Options of tables have no effect on a format that states its own columns and units.
+fn refuse_table_options(path: &Path, options: &EventTableOptions) -> Result<(), SessionError> {
+    let given = [
+        ("--time-unit", options.time_unit.is_some()),
+        ("--columns", options.columns.is_some()),
+        ("--polarity", options.polarity.is_some()),
+    ];
+    match given.iter().find(|(_, is_given)| *is_given) {
+        None => Ok(()),
+        Some((option, _)) => {
+            let what = format!("states its own columns and units; {option} has no effect, omit it");
+            Err(SessionError::import(path, what))
+        }
+    }
+}
+
+/// Events of a format that states what they are.
+struct TypedEvents {
+    events: Events,
+    size: Size,
+}
+
+/// Keeps the chosen epoch and what is on the grid, in order of time.
+fn finish(
+    path: &Path,
+    stream: &str,
+    options: &EventTableOptions,
+    setting: EventSetting,
+    typed: TypedEvents,
+) -> Result<ImportedEvents, SessionError> {
+    let wrong = |what: String| SessionError::import(path, what);
+    let TypedEvents { events, size } = typed;
+    let all = events.as_slice();
+    let epochs = Epochs::of_stamps(all.t);
+    let mut losses = epochs.losses(stream, "events", options.epoch).map_err(wrong)?;
+    let first = all.t.iter().copied().min().unwrap_or(0);
+    let by = options.begin_us.map_or(0, |begin| begin.saturating_sub(first));
+    let mut kept = Events::with_capacity(all.len());
+    let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
+    for (i, event) in all.iter().enumerate() {
+        if !size.contains(event.x, event.y) {
+            n_outside += 1;
+        } else if epochs.is_chosen(i, options.epoch) {
+            n_disordered += u64::from(event.t < last);
+            last = last.max(event.t);
+            kept.push(evrig_core::event::Event { t: event.t.saturating_add(by), ..event });
+        }
+    }
+    if 2 * n_outside > all.len() as u64 {
+        return Err(wrong(format!("{n_outside} of {} events are off the {size} grid", all.len())));
+    }
+    kept.sort_by_time();
+    let t = kept.as_slice().t;
+    check_stamps(t).map_err(wrong)?;
+    if let (Some(&begin), Some(&end), Some(frames)) = (t.first(), t.last(), setting.frames_us) {
+        check_overlap([begin, end], frames).map_err(wrong)?;
+    }
+    let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
+    if n_outside > 0 {
+        losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
+    }
+    if n_disordered > 0 {
+        losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
+    }
+    Ok(ImportedEvents { events: kept, size, losses, decisions: Vec::new() })
+}
