@@ -4,6 +4,7 @@
 //! It runs beside [`diagnose`](crate::diagnose::diagnose) until it has been measured against it on
 //! fresh trials.
 
+mod band;
 mod constants;
 mod draw;
 mod effects;
@@ -22,5 +23,6 @@ mod signal;
 mod spread;
 #[cfg(test)]
 mod tests;
+mod view;
 
 pub use report::diagnose_smooth;

@@ -6,7 +6,7 @@ use evrig_core::stats::SplitMix;
 
 /// An event drawn from the law.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct DrawnEvent {
+pub(crate) struct DrawnNextEvent {
     /// The event.
     pub(crate) spike: Spike,
     /// Change since the reference level, thresholds.
@@ -19,7 +19,7 @@ pub(crate) struct DrawnEvent {
 
 impl PixelPass<'_> {
     /// Draws the next event before the end of the run, given no other.
-    pub(crate) fn draw_next(&self, end_us: f64, random: &mut SplitMix) -> Option<DrawnEvent> {
+    pub(crate) fn draw_next(&self, end_us: f64, random: &mut SplitMix) -> Option<DrawnNextEvent> {
         let mut pass = self.clone();
         let target = -(1.0 - random.uniform()).ln();
         let which = random.uniform();
@@ -46,7 +46,7 @@ impl PixelPass<'_> {
         let weight: f64 = pass.states.iter().map(|s| s.weight).sum();
         let reference: f64 =
             pass.states.iter().map(|s| s.weight * s.reference).sum::<f64>() / weight;
-        Some(DrawnEvent {
+        Some(DrawnNextEvent {
             spike: Spike { t_us: (self.signal.start_us + at * self.signal.step_us) as i64, on },
             change: sign * (pass.leaky(at) - reference) / self.law.theta[side],
             slope_per_s: sign * self.signal.slope_per_s(at),

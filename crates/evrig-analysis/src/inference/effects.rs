@@ -1,6 +1,6 @@
 //! Effects that the calibrated camera does not have.
 
-use super::model::ModelledPixel;
+use super::view::ModelledPixel;
 use crate::diagnose::ConfidenceInterval;
 use crate::diagnose::Evidence;
 use crate::diagnose::evidence::spectral_lines::lines;
@@ -86,7 +86,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
             let step = view.step_us * 1e-6;
             for _ in 0..(order.round() as usize).clamp(1, 2) {
                 filter(view, |level| {
-                    LowPassPole::new(white * (f64::from(level).exp() + floor) / (1.0 + floor), step)
+                    SignalPole::new(white * (f64::from(level).exp() + floor) / (1.0 + floor), step)
                 });
             }
         },
@@ -99,7 +99,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         starts: |_| [10.0, 60.0, 400.0].iter().map(|s| vec![*s]).collect(),
         stage: 1,
         apply: |v, view| {
-            let pole = LowPassPole::new(v[0], view.step_us * 1e-6);
+            let pole = SignalPole::new(v[0], view.step_us * 1e-6);
             filter(view, |_| pole);
         },
         report: |_, all| all,
@@ -342,19 +342,19 @@ fn intervals(evidence: &Evidence) -> Vec<f64> {
 
 /// A first-order low pass, exact for a piecewise linear signal.
 #[derive(Clone, Copy)]
-pub(crate) struct LowPassPole {
+pub(crate) struct SignalPole {
     tau: f64,
     kept: f64,
 }
 
-impl LowPassPole {
+impl SignalPole {
     pub(crate) fn new(cutoff_hz: f64, step_s: f64) -> Self {
         let per_step = TAU * cutoff_hz.max(1e-3) * step_s;
         Self { tau: per_step.recip(), kept: (-per_step).exp() }
     }
 }
 
-pub(crate) fn filter(view: &mut ModelledPixel<'_>, pole: impl Fn(f32) -> LowPassPole) {
+pub(crate) fn filter(view: &mut ModelledPixel<'_>, pole: impl Fn(f32) -> SignalPole) {
     let level = &view.pixel.light;
     let mut state: Option<(f64, f64)> = None;
     for (signal, level) in view.signal.iter_mut().zip(level) {
@@ -366,7 +366,7 @@ pub(crate) fn filter(view: &mut ModelledPixel<'_>, pole: impl Fn(f32) -> LowPass
         let y = match state {
             None => x,
             Some((y, before)) => {
-                let LowPassPole { tau, kept } = pole(*level);
+                let SignalPole { tau, kept } = pole(*level);
                 let lag = (x - before) * tau;
                 x - lag + (y - before + lag) * kept
             }

@@ -1,7 +1,8 @@
 //! Hazards of a pixel over a segment of its signal and at an instant.
 
+use super::band::{REACH, ReferenceHypothesis};
 use super::law::{LOGISTIC_SD, logistic, softplus};
-use super::pass::{PixelPass, REACH, ReferenceHypothesis};
+use super::pass::PixelPass;
 
 /// Hazards integrated over a segment: crossings ON and OFF, and background.
 #[derive(Debug, Clone, Copy, Default)]

@@ -4,8 +4,8 @@ use super::constants::{CameraConstant, ConstantPrior, N_CONSTANTS};
 use super::effects::ModelEffect;
 use super::law::{ComparatorLaw, logistic};
 use super::pass::{HazardTerm, TermVisitor, visit};
-use super::signal::SampledSignal;
-use crate::diagnose::{Evidence, ImagePose, PixelEvidence};
+use super::view::ModelledPixel;
+use crate::diagnose::{Evidence, ImagePose};
 use std::sync::Arc;
 
 #[derive(Debug, Clone)]
@@ -30,31 +30,6 @@ pub(crate) struct FitCoordinate {
     pub(crate) range: [f64; 2],
     pub(crate) step: f64,
     pub(crate) changes_signal: bool,
-}
-
-/// A pixel on its way through the stages.
-#[derive(Debug)]
-pub(crate) struct ModelledPixel<'a> {
-    pub(crate) pixel: &'a PixelEvidence,
-    pub(crate) y: u16,
-    pub(crate) middle: [f64; 2],
-    pub(crate) signal: Vec<f64>,
-    pub(crate) start_us: f64,
-    pub(crate) step_us: f64,
-    pub(crate) law: ComparatorLaw,
-    pub(crate) darkness: Vec<f64>,
-}
-
-impl ModelledPixel<'_> {
-    pub(crate) fn sampled(&self) -> SampledSignal<'_> {
-        SampledSignal {
-            start_us: self.start_us,
-            step_us: self.step_us,
-            signal: &self.signal,
-            level: &self.pixel.light,
-            darkness: &self.darkness,
-        }
-    }
 }
 
 /// A pixel's terms.

@@ -3,6 +3,7 @@
 //! The reference level is known up to noise after every event; where events are lost or do not
 //! reset the pixel, a small set of hypotheses about it is filtered (a hidden Markov model).
 
+use super::band::{ReferenceHypothesis, UnreachableBand};
 use super::law::{ComparatorLaw, LOGISTIC_SD};
 use super::signal::SampledSignal;
 use crate::predict::{Spike, TimeBlocks};
@@ -12,9 +13,6 @@ use crate::predict::{Spike, TimeBlocks};
 const N_STATES: usize = 6;
 const RESET: usize = 2;
 const KEPT: usize = 5;
-
-/// Logistic scales below the threshold from which a hazard is neglected: e^-16 of the full one.
-pub(super) const REACH: f64 = 16.0;
 
 /// Floor of a hazard, Hz: keeps scores finite.
 const MIN_HAZARD_HZ: f64 = 1e-9;
@@ -52,15 +50,6 @@ pub(crate) trait TermVisitor {
     fn after(&mut self, _pass: &PixelPass<'_>, _index: usize) {}
 }
 
-/// A hypothesis about the reference level.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ReferenceHypothesis {
-    pub(super) weight: f64,
-    pub(super) reference: f64,
-    /// Variance of the reference level in squared logistic scales of log intensity.
-    pub(super) variance: f64,
-}
-
 /// The state of a pixel on its way through a run of its signal.
 #[derive(Debug, Clone)]
 pub(crate) struct PixelPass<'a> {
@@ -75,39 +64,6 @@ pub(crate) struct PixelPass<'a> {
     pub(super) path: f64,
     /// Largest squared factor of the noise by the path.
     pub(super) max_noise: f64,
-}
-
-/// Levels around the reference level from which no crossing is possible.
-struct UnreachableBand {
-    reference: f64,
-    /// Thresholds less the reach of the reference level's error; negative where it is ambiguous.
-    room: [f64; 2],
-    /// Reach of the noise after a path of at most one threshold, and of any path.
-    scales: [f64; 2],
-}
-
-impl UnreachableBand {
-    fn of(pass: &PixelPass<'_>) -> Self {
-        let law = pass.law;
-        let mut active = pass.states.iter().filter(|s| s.weight > 1e-12);
-        let single = active.next().filter(|_| active.next().is_none());
-        let shot = law.shot_rms / LOGISTIC_SD;
-        let noise2 = law.noise * law.noise;
-        let scales = [1.0, pass.max_noise].map(|p| REACH * (noise2 * p + shot * shot).sqrt());
-        match single.filter(|_| law.loss <= 0.0 && law.jitter_s <= 0.0) {
-            Some(state) => {
-                let room = law.theta.map(|theta| theta - REACH * state.variance.sqrt());
-                Self { reference: state.reference, room, scales }
-            }
-            None => Self { reference: 0.0, room: [f64::NEG_INFINITY; 2], scales },
-        }
-    }
-
-    fn contains(&self, [from, to]: [f64; 2], path: f64, darkness: f64) -> bool {
-        let reach = self.scales[usize::from(path > 1.0)] * darkness;
-        from.max(to) - self.reference < self.room[0] - reach
-            && self.reference - from.min(to) < self.room[1] - reach
-    }
 }
 
 /// Visits all terms of a pixel.
@@ -245,7 +201,7 @@ impl<'a> PixelPass<'a> {
             // Nothing happens before the gate opens.
             at = at.max(end - 12.0 * law.onset_s / step_s).min(to);
         }
-        let band = UnreachableBand::of(self);
+        let band = UnreachableBand::of(law, &self.states, self.max_noise);
         let per_theta = 2.0 / (law.theta[0] + law.theta[1]);
         let leak = law.leak_per_s * step_s;
         let background = (law.background_hz[0] + law.background_hz[1]) * step_s;
