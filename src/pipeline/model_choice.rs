@@ -4,7 +4,9 @@ use super::error::missing;
 use super::{Conditions, PipelineError, read_calibration, white_of};
 use evrig_analysis::calibrate::Calibration;
 use evrig_generate::input::FramePreparation;
-use evrig_generate::{GenerateParameters, GeneratorChoice, KnobSetting, ParameterError};
+use evrig_generate::{
+    GenerateParameters, GeneratorChoice, GeneratorModel, KnobSetting, ParameterError, Preset,
+};
 use evrig_session::{Session, StreamKind, StreamName};
 
 /// The choice of a generator and its parameters. `--k @calibrated` and `--preset tuned` mean the
@@ -103,7 +105,11 @@ impl ModelChoice {
     }
 
     fn is_voltmeter(&self) -> bool {
-        self.model.as_deref().is_none_or(|model| model == "voltmeter")
+        let of_preset = || {
+            let preset: Option<Preset> = self.preset.as_deref().and_then(|name| name.parse().ok());
+            preset.is_none_or(|preset| preset.parameters().model() == GeneratorModel::Voltmeter)
+        };
+        self.model.as_deref().map_or_else(of_preset, |model| model == "voltmeter")
     }
 
     /// A statement for published constants on frames of another scale than they were fitted on:

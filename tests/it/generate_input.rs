@@ -34,7 +34,9 @@ fn non_increasing_times_and_changing_sizes_are_reported() {
     let root = directory.path();
     let frames = clip(root, 3);
     let out = root.join("session");
-    for (times, expected) in [("0\n5\n5\n", "frame 2 at 5 us"), ("0\n9\n4\n", "frame 2 at 4 us")] {
+    for (times, expected) in
+        [("0\n5\n5\n", "frame 2 at 5000 us"), ("0\n9\n4\n", "frame 2 at 4000 us")]
+    {
         let file = root.join("times.txt");
         std::fs::write(&file, times).unwrap();
         let [frames, file, out] = [&frames, &file, &out].map(|path| path.to_str().unwrap());
