@@ -66,7 +66,7 @@ pub struct DiagnoseArgs {
 pub enum EngineChoice {
     /// A running maximum against noisy thresholds
     RunningMaximum,
-    /// A smooth hazard with camera constants and thresholds per pixel: several times faster, names
-    /// more, and writes no camera or forward simulation yet
+    /// A smooth hazard with camera constants and thresholds per pixel; on trial, writes no camera
+    /// or forward simulation yet
     Smooth,
 }
