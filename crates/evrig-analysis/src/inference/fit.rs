@@ -97,6 +97,23 @@ fn objective(
     e.sum(evidence, |t, b| !evidence.is_held_out(t, b)) + model.log_prior(c)
 }
 
+/// Terms of a pixel with one coordinate stepped, inwards from a bound, and the step. `signal` is that
+/// of the model.
+pub(super) fn stepped(
+    evidence: &Evidence,
+    model: &CameraModel,
+    (at, coordinate): (usize, &FitCoordinate),
+    p: usize,
+    signal: &[f64],
+) -> (PixelTerms, f64) {
+    let FitCoordinate { step, range, changes_signal, .. } = *coordinate;
+    let mut other = model.clone();
+    let h = if other.values[at] + step > range[1] { -step } else { step };
+    other.values[at] += h;
+    let keeps_signal = !changes_signal && !needs_signal(model, at);
+    (other.score(evidence, p, keeps_signal.then(|| signal.to_vec())), h)
+}
+
 /// Gradient and event information of the training cells, by forward differences.
 fn slope(
     evidence: &Evidence,
@@ -118,14 +135,7 @@ fn slope(
             let n = base.log_hazard.len();
             let mut rows = DMatrix::zeros(k, n);
             for (j, &at) in active.iter().enumerate() {
-                let c = &coordinates[at];
-                let mut other = model.clone();
-                // Steps go inwards from a bound.
-                let h = if other.values[at] + c.step > c.range[1] { -c.step } else { c.step };
-                other.values[at] += h;
-                let signal =
-                    (!c.changes_signal && !needs_signal(model, at)).then(|| signal.clone());
-                let moved = other.score(evidence, p, signal);
+                let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &signal);
                 for (i, (a, b)) in moved.log_hazard.iter().zip(&base.log_hazard).enumerate() {
                     if train[usize::from(base.block[i])] {
                         let d = (a - b) / h;
@@ -153,7 +163,7 @@ fn slope(
 }
 
 /// Thresholds scale the leaks, which are part of the signal.
-pub(super) fn needs_signal(model: &CameraModel, at: usize) -> bool {
+fn needs_signal(model: &CameraModel, at: usize) -> bool {
     use super::constants::CameraConstant;
     let scaled = model.constant(CameraConstant::PhotoLeakHz) != 0.0
         || model.effects.iter().any(|e| e.stage == 2);

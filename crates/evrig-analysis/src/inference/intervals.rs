@@ -1,6 +1,6 @@
 //! Standard errors by the sandwich estimate, clustered by tile and by block.
 
-use super::fit::{ModelFit, needs_signal};
+use super::fit::{ModelFit, stepped};
 use super::model::{PixelTerms, score_view};
 use crate::diagnose::Evidence;
 use nalgebra::{DMatrix, DVector};
@@ -47,13 +47,9 @@ fn block_scores(evidence: &Evidence, fit: &ModelFit, p: usize) -> Vec<DVector<f6
     let base = block_sums(evidence, p, &score_view(evidence, p, &view));
     let mut scores = vec![DVector::zeros(fit.active.len()); base.len()];
     for (j, &at) in fit.active.iter().enumerate() {
-        let coordinate = &coordinates[at];
-        let mut other = fit.model.clone();
-        other.values[at] += coordinate.step;
-        let keeps_signal = !coordinate.changes_signal && !needs_signal(&fit.model, at);
-        let moved = other.score(evidence, p, keeps_signal.then(|| view.signal.clone()));
+        let (moved, h) = stepped(evidence, &fit.model, (at, &coordinates[at]), p, &view.signal);
         for (b, sum) in block_sums(evidence, p, &moved).into_iter().enumerate() {
-            scores[b][j] = (sum - base[b]) / coordinate.step;
+            scores[b][j] = (sum - base[b]) / h;
         }
     }
     scores

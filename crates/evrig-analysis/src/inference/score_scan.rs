@@ -1,6 +1,6 @@
 //! Efficient score test of an effect: one evaluation per trial.
 
-use super::fit::{ModelEvaluation, needs_signal};
+use super::fit::{ModelEvaluation, stepped};
 use super::model::{CameraModel, PixelTerms, score_view};
 use crate::diagnose::Evidence;
 use nalgebra::{DMatrix, DVector};
@@ -28,15 +28,10 @@ impl ScoreScan {
                 let signal = view.signal;
                 let mut rows = DMatrix::zeros(active.len(), base.log_hazard.len());
                 for (j, &at) in active.iter().enumerate() {
-                    let c = &coordinates[at];
-                    let mut other = model.clone();
-                    other.values[at] += c.step;
-                    let signal =
-                        (!c.changes_signal && !needs_signal(model, at)).then(|| signal.clone());
-                    let moved = other.score(evidence, p, signal);
+                    let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &signal);
                     for (i, (a, b)) in moved.log_hazard.iter().zip(&base.log_hazard).enumerate() {
                         if is_train(evidence, p, usize::from(base.block[i])) {
-                            rows[(j, i)] = (a - b) / c.step;
+                            rows[(j, i)] = (a - b) / h;
                         }
                     }
                 }

@@ -12,7 +12,7 @@ use evrig_format::{CameraEvents, aedat2, aedat3, prophesee, rosbag};
 use std::io::Read;
 use std::path::Path;
 
-/// Formats of cameras that hold events, told apart by their first bytes.
+/// Formats of cameras that hold events, distinguished by their first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CameraFormat {
     Aedat2,

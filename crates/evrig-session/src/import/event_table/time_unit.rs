@@ -168,7 +168,7 @@ const DOUBTFUL_RATE: f64 = 0.05;
 
 /// Share of the frames' time that the events cover where another unit covers most of it.
 const MIN_COVERAGE: f64 = 0.005;
-const MOST: f64 = 0.5;
+const MIN_OWN_COVERAGE: f64 = 0.5;
 
 impl TimeEvidence {
     fn span_us(&self, unit: TimeUnit) -> f64 {
@@ -266,7 +266,9 @@ impl TimeEvidence {
         }
         if self.frames_us.is_some() {
             let [inside, covered] = self.overlap(unit);
-            return self.overlap(micros)[1] < MIN_COVERAGE && inside > MOST && covered > MOST;
+            return self.overlap(micros)[1] < MIN_COVERAGE
+                && inside > MIN_OWN_COVERAGE
+                && covered > MIN_OWN_COVERAGE;
         }
         let is_ordinary =
             (ORDINARY_RATES[0]..ORDINARY_RATES[1]).contains(&self.rate_per_pixel(unit));
