@@ -40,11 +40,12 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "NAME", default_value = "real")]
     pub real: String,
 
-    /// Pixels to evaluate; more where they hold few events [default: 600; `process` takes 120]
+    /// Pixels to evaluate; more where they hold few events [default: 120]
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 
-    /// Null recordings, drawn from the fitted model, that show what the search finds by chance
+    /// Null recordings, drawn from the fitted model, that show what the search finds by chance; for
+    /// the engine running-maximum
     #[arg(long, value_name = "N")]
     pub null: Option<usize>,
 
@@ -53,7 +54,7 @@ pub struct DiagnoseArgs {
     pub seed: u64,
 
     /// The likelihood
-    #[arg(long, value_name = "NAME", default_value = "running-maximum")]
+    #[arg(long, value_name = "NAME", default_value = "smooth")]
     pub engine: EngineChoice,
 
     /// Run even when the result is already there
@@ -64,9 +65,8 @@ pub struct DiagnoseArgs {
 /// The likelihood of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum EngineChoice {
-    /// A running maximum against noisy thresholds
-    RunningMaximum,
-    /// A smooth hazard with camera constants and thresholds per pixel; on trial, writes no camera
-    /// or forward simulation yet
+    /// A smooth hazard with camera constants and thresholds per pixel
     Smooth,
+    /// A running maximum against noisy thresholds: the former likelihood, slower
+    RunningMaximum,
 }

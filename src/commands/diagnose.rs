@@ -109,7 +109,7 @@ pub(super) fn text(diagnosis: &Diagnosis) -> String {
             place.description, place.excess_nats_per_event
         );
     }
-    if let Some(note) = diagnosis.coarse_stamps() {
+    for note in [diagnosis.range_ends(), diagnosis.coarse_stamps()].into_iter().flatten() {
         text += &format!("\n{note}");
     }
     if let Some(next) = &diagnosis.next_recording {

@@ -76,12 +76,12 @@ fn plan(args: &ProveArgs) -> anyhow::Result<PlannedProof> {
     let deadline = Duration::try_from_secs_f64(deadline_s)
         .map_err(|error| WrongUse(format!("--deadline {deadline_s}: {error}")))?;
     let (mix, trials) = trials(args, seconds)?;
-    let brief = DiagnosisOptions::brief();
+    let defaults = DiagnosisOptions::default();
     let options = DiagnosisOptions {
         seed: args.seed,
-        n_pixels: args.pixels.unwrap_or(brief.n_pixels),
-        n_null: args.null.unwrap_or(brief.n_null),
-        ..brief
+        n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
+        n_null: args.null.unwrap_or(defaults.n_null),
+        ..defaults
     };
     let family = trials.family();
     let drawn: &[ConcealedTrial] = match &trials {

@@ -40,12 +40,11 @@ pub struct DiagnoseRequest {
 /// The likelihood of a diagnosis and its search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DiagnosisEngine {
-    /// A running maximum against logistic thresholds, searched without gradients.
+    /// A smooth hazard with camera constants and thresholds per pixel.
     #[default]
-    RunningMaximum,
-    /// A smooth hazard with camera constants and thresholds per pixel. It writes no camera, maps or
-    /// forward simulation yet.
     Smooth,
+    /// A running maximum against logistic thresholds, searched without gradients.
+    RunningMaximum,
 }
 
 /// Runs the stage, unless its result is fresh. `progress` receives the name of each step.
@@ -67,9 +66,10 @@ pub fn diagnose(
         "is_straight": matches!(request.baseline, Baseline::Frames(_)),
         "options": request.options,
     });
-    if request.engine == DiagnosisEngine::Smooth {
-        parameters["engine"] = json!("smooth");
-    }
+    parameters["engine"] = json!(match request.engine {
+        DiagnosisEngine::Smooth => "smooth",
+        DiagnosisEngine::RunningMaximum => "running-maximum",
+    });
     let wanted = StageRecord::new("diagnose", None, inputs, parameters);
     let directory = session.layout().derived("diagnose", None);
     if !request.force
@@ -81,17 +81,7 @@ pub fn diagnose(
     let input = prepare(session, request)?;
     let DiagnosisOutput { diagnosis, run, heat, camera } = match request.engine {
         DiagnosisEngine::RunningMaximum => with_camera(&input, &request.options, progress),
-        DiagnosisEngine::Smooth => DiagnosisOutput {
-            diagnosis: diagnose_smooth(
-                &input.evidence,
-                &input.departures,
-                &request.options,
-                progress,
-            ),
-            run: None,
-            heat: Vec::new(),
-            camera: None,
-        },
+        DiagnosisEngine::Smooth => by_smooth_likelihood(&input, &request.options, progress),
     };
     clear(&directory)?;
     let write = |name: &str, text: String| {
@@ -124,6 +114,26 @@ struct DiagnosisOutput {
     run: Option<ForwardSimulation>,
     heat: Vec<HeatMap>,
     camera: Option<FittedCamera>,
+}
+
+fn by_smooth_likelihood(
+    input: &DiagnosisInput,
+    options: &DiagnosisOptions,
+    progress: &mut dyn FnMut(&str),
+) -> DiagnosisOutput {
+    let DiagnosisInput { evidence, drive, events, departures, .. } = input;
+    let mut found = diagnose_smooth(evidence, departures, options, progress);
+    progress("forward simulation");
+    let cameras = found.baseline.as_ref().zip(found.camera.as_ref());
+    let run = cameras.and_then(|(baseline, camera)| {
+        let real = events.as_slice();
+        let both = [baseline, camera];
+        diagnose::simulate_forward(evidence, drive.as_ref(), real, both, options.seed)
+    });
+    if let Some(run) = &run {
+        found.diagnosis.fit.forward_simulation = run.measures.clone();
+    }
+    DiagnosisOutput { diagnosis: found.diagnosis, run, heat: found.heat, camera: found.camera }
 }
 
 /// The diagnosis with the fitted camera and its forward simulation.

@@ -312,7 +312,7 @@ impl ProcessRun<'_> {
             baseline,
             options: DiagnosisOptions {
                 seed: self.request.choice.seed,
-                ..DiagnosisOptions::brief()
+                ..DiagnosisOptions::default()
             },
             engine: DiagnosisEngine::default(),
             force: self.request.force,

@@ -224,7 +224,7 @@ mod tests {
             mix: None,
             seed,
             seconds: Some(2.6),
-            options: DiagnosisOptions::brief(),
+            options: DiagnosisOptions::default(),
             trials_sha256: "s".into(),
         }
     }

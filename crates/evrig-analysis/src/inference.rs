@@ -5,6 +5,8 @@
 //! fresh trials.
 
 mod band;
+mod camera;
+mod candidate;
 mod constants;
 mod draw;
 mod effects;
@@ -16,6 +18,7 @@ mod intervals;
 mod law;
 mod model;
 mod pass;
+mod profile;
 mod report;
 mod score_scan;
 mod select;
@@ -25,4 +28,4 @@ mod spread;
 mod tests;
 mod view;
 
-pub use report::diagnose_smooth;
+pub use report::{SmoothDiagnosis, diagnose_smooth};

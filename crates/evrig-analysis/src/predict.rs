@@ -31,7 +31,7 @@ mod refractory_filter;
 mod residual;
 mod signal_knots;
 mod simulate;
-mod softplus;
+pub(crate) mod softplus;
 mod threshold;
 mod time_blocks;
 mod unknown_reference;

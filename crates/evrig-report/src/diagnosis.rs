@@ -64,7 +64,8 @@ pub fn section(
             .push(SectionBlock::Text(format!("To distinguish equivalent effects, record {next}.")));
     }
     blocks.push(SectionBlock::ReportTable(nuisances(diagnosis)));
-    blocks.extend(diagnosis.coarse_stamps().map(SectionBlock::Text));
+    let notes = [diagnosis.range_ends(), diagnosis.coarse_stamps()];
+    blocks.extend(notes.into_iter().flatten().map(SectionBlock::Text));
     if !diagnosis.cannot_judge.is_empty() {
         blocks.push(SectionBlock::Text(format!(
             "This session cannot judge {}.",

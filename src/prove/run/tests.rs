@@ -170,7 +170,7 @@ fn a_plan_does_not_reveal_what_is_hidden() {
         mix: Some(TrialMix { single: 1, ..TrialMix::none(Family::Plasmode) }),
         seed: 5,
         seconds: None,
-        options: evrig_analysis::diagnose::DiagnosisOptions::brief(),
+        options: evrig_analysis::diagnose::DiagnosisOptions::default(),
         trials_sha256: super::super::sha256(&serde_json::to_vec(&trials(1)).unwrap()),
     };
     let text = serde_json::to_string(&plan).unwrap();

@@ -77,6 +77,8 @@ pub struct PixelEvidence {
     pub laplacian: Vec<f32>,
     /// Bends of the signal, computed at first use.
     bends: OnceLock<SignalKnots>,
+    /// Intensity over white, computed at first use.
+    intensity: OnceLock<Vec<f32>>,
 }
 
 impl PixelEvidence {
@@ -84,9 +86,14 @@ impl PixelEvidence {
         self.bends.get_or_init(|| SignalKnots::of(&self.light, &self.light))
     }
 
+    pub(crate) fn intensity(&self) -> &[f32] {
+        self.intensity.get_or_init(|| self.light.iter().map(|level| level.exp()).collect())
+    }
+
     /// The signal, to be changed.
     pub(crate) fn light_mut(&mut self) -> &mut [f32] {
         self.bends = OnceLock::new();
+        self.intensity = OnceLock::new();
         &mut self.light
     }
 
@@ -351,6 +358,7 @@ fn pixel(
         gradient: [Vec::new(), Vec::new()],
         laplacian: Vec::new(),
         bends: OnceLock::new(),
+        intensity: OnceLock::new(),
     };
     if with_surroundings {
         let (left, right) = (sample(-1.0, 0.0)?, sample(1.0, 0.0)?);

@@ -28,18 +28,10 @@ pub struct DiagnosisOptions {
     pub seed: u64,
 }
 
-impl DiagnosisOptions {
-    /// Reduced work, for a run over every stage: fewer pixels and one simulated recording.
-    #[must_use]
-    pub fn brief() -> Self {
-        Self { n_pixels: 120, n_null: 1, ..Self::default() }
-    }
-}
-
 impl Default for DiagnosisOptions {
     fn default() -> Self {
         Self {
-            n_pixels: 600,
+            n_pixels: 120,
             few_events: 1_500,
             n_events: 8_000,
             n_instants: 8_000_000,
@@ -47,7 +39,7 @@ impl Default for DiagnosisOptions {
             n_blocks: 9,
             tile_px: 20,
             max_effects: 4,
-            n_null: 2,
+            n_null: 1,
             seed: 0,
         }
     }

@@ -35,6 +35,8 @@ pub(crate) enum CameraConstant {
     Pedestal,
     /// Delay of the events' stamps against the signal, microseconds.
     OffsetUs,
+    /// Log of the standard deviation of time stamps and of the known signal in time, microseconds.
+    LogStampError,
     /// Variance of the blur beyond that of the map, square pixels.
     BlurPx2,
     /// Recorded minus predicted position to the right, pixels.
@@ -48,7 +50,7 @@ pub(crate) enum CameraConstant {
 }
 
 /// Number of constants.
-pub(crate) const N_CONSTANTS: usize = 19;
+pub(crate) const N_CONSTANTS: usize = 20;
 
 /// A Gaussian prior, and the range that an ordinary camera has.
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +81,7 @@ impl CameraConstant {
         Self::LogitBackgroundReset,
         Self::Pedestal,
         Self::OffsetUs,
+        Self::LogStampError,
         Self::BlurPx2,
         Self::ShiftX,
         Self::ShiftY,
@@ -98,12 +101,14 @@ impl CameraConstant {
         };
         let scene = if facts.from_scene { 1.0 } else { 0.0 };
         let bound = facts.offset_bound_us;
+        // Between sparse frames the error of the signal acts as noise.
+        let max_noise = if facts.is_light_dense() { 0.05 } else { f64::INFINITY };
         match self {
             Self::LogTheta => of(0.25_f64.ln(), 0.7, ANY, 1e-3),
             Self::LogRatio => of(0.0, 0.3, [-0.05, 0.05], 1e-3),
             Self::LeakHz => of(0.1, 0.3, [-0.1, 0.35], 5e-3),
             Self::PhotoLeakHz => of(0.0, 0.3, [-0.35, 0.35], 5e-3),
-            Self::LogNoise => of(0.06_f64.ln(), 0.8, ANY, 2e-3),
+            Self::LogNoise => of(0.06_f64.ln(), 0.8, [f64::NEG_INFINITY, max_noise.ln()], 2e-3),
             Self::NoiseExponent => of(0.3, 0.3, ANY, 2e-3),
             Self::LogitRest => of(-0.4, 1.0, ANY, 5e-3),
             Self::LogNoiseRate => of(60.0_f64.ln(), 1.0, ANY, 5e-3),
@@ -114,6 +119,10 @@ impl CameraConstant {
             Self::LogitBackgroundReset => of(2.0, 1.0, ANY, 1e-2),
             Self::Pedestal => of(0.0, 0.01, [-0.01, 0.01], 1e-4),
             Self::OffsetUs => of(0.0, bound, [-bound, bound], 5.0),
+            Self::LogStampError => {
+                let ordinary = ordinary_stamp_error_us(facts);
+                of((0.3 * ordinary).ln(), 1.0, [f64::NEG_INFINITY, ordinary.ln()], 1e-2)
+            }
             Self::BlurPx2 => of(0.0, 0.1 * scene, [-0.2, 0.2], 1e-3),
             Self::ShiftX | Self::ShiftY => of(0.0, 0.1 * scene, [-0.15, 0.15], 1e-3),
             Self::RotationDeg => of(0.0, 0.03 * scene, [-0.04, 0.04], 3e-4),
@@ -145,6 +154,7 @@ impl CameraConstant {
             Self::Pedestal if value > 0.0 => EffectId::DarkCurrent,
             Self::Pedestal => EffectId::BlackLevel,
             Self::OffsetUs => EffectId::ClockOffset,
+            Self::LogStampError => EffectId::StampJitter,
             Self::BlurPx2 => EffectId::Defocus,
             Self::ShiftX | Self::ShiftY | Self::RotationDeg | Self::Scale => {
                 EffectId::Misregistration
@@ -152,6 +162,15 @@ impl CameraConstant {
             _ => return None,
         })
     }
+}
+
+/// Largest ordinary error of stamps and of the known signal in time, microseconds.
+///
+/// Cameras stamp within tens of microseconds; readout adds up to 200 in a busy DAVIS. Between frames
+/// the time at which an edge passes a pixel is known to a sixth of their interval.
+fn ordinary_stamp_error_us(facts: &SessionFacts) -> f64 {
+    const READOUT_US: f64 = 200.0;
+    if facts.from_scene { READOUT_US } else { READOUT_US.max(facts.frame_us / 6.0) }
 }
 
 /// How a fitted coordinate is reported.
@@ -181,6 +200,7 @@ impl CameraConstant {
             Self::LogitBackgroundReset => ("background_memorised", ReportedAs::Logistic),
             Self::Pedestal => ("pedestal_of_white", ReportedAs::Value),
             Self::OffsetUs => ("clock_offset_us", ReportedAs::Value),
+            Self::LogStampError => ("stamp_error_us", ReportedAs::Exponential),
             Self::BlurPx2 => ("blur_px2", ReportedAs::Value),
             Self::ShiftX => ("shift_x_px", ReportedAs::Value),
             Self::ShiftY => ("shift_y_px", ReportedAs::Value),

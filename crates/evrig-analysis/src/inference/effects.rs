@@ -43,6 +43,8 @@ pub(crate) struct ModelEffect {
     pub(crate) id: EffectId,
     pub(crate) parameters: &'static [ModelParameter],
     pub(crate) changes_signal: bool,
+    /// Magnitude of the first parameter that an ordinary recording has.
+    pub(crate) ordinary: fn(&Evidence) -> f64,
     /// Starting values, natural units.
     pub(crate) starts: fn(&Evidence) -> Vec<Vec<f64>>,
     /// Stage order.
@@ -50,6 +52,13 @@ pub(crate) struct ModelEffect {
     pub(crate) apply: fn(&[f64], &mut ModelledPixel<'_>),
     /// Reported parameters from the fitted ones.
     pub(crate) report: fn(&Evidence, Vec<KeyedInterval>) -> Vec<KeyedInterval>,
+}
+
+/// Skew that moves the ends of a recording by no more than the bound on the stated clock.
+fn ordinary_skew_ppm(evidence: &Evidence) -> f64 {
+    let facts = &evidence.facts;
+    let bound_us = facts.clock_tie.map_or(facts.offset_bound_us, |tied| tied.statement_bound_us);
+    bound_us / (0.5 * evidence.seconds())
 }
 
 /// A parameter's key and value.
@@ -74,6 +83,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
             log("floor", [1e-3, 0.3]),
         ],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |_| {
             [[20.0, 1.0, 0.01], [80.0, 1.0, 0.01], [400.0, 1.0, 0.01], [80.0, 2.0, 0.01]]
                 .iter()
@@ -96,6 +106,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::FixedPole,
         parameters: &[log("cutoff_hz", [0.5, 3_000.0])],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |_| [10.0, 60.0, 400.0].iter().map(|s| vec![*s]).collect(),
         stage: 1,
         apply: |v, view| {
@@ -112,16 +123,20 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
             fixed("retake"),
         ],
         changes_signal: false,
+        ordinary: |_| 0.0,
         starts: |evidence| {
+            // The next crossing takes time after the period, so that the shortest intervals bound it.
             let mut all = intervals(evidence);
             all.sort_by(f64::total_cmp);
-            let mut out = Vec::new();
-            for share in [0.002, 0.01, 0.03, 0.1] {
-                let us = all.get((share * all.len() as f64) as usize).copied().unwrap_or(1e3);
+            let quantile =
+                |share: f64| all.get((share * all.len() as f64) as usize).copied().unwrap_or(1e3);
+            let below = [0.2, 0.35, 0.5, 0.7, 0.85].map(|share| share * quantile(0.002));
+            let beyond = [0.002, 0.01, 0.03, 0.1].map(quantile);
+            let start = |us: &f64| {
                 let us = us.clamp(100.0, 100_000.0);
-                out.push(vec![us, 0.15 * us, 1.0]);
-            }
-            out
+                vec![us, 0.15 * us, 1.0]
+            };
+            below.iter().chain(&beyond).map(start).collect()
         },
         stage: 3,
         apply: |v, view| {
@@ -140,6 +155,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::ShotNoise,
         parameters: &[log("rms_thresholds", [0.02, 1.5]), log("bandwidth_hz", [1.0, 5_000.0])],
         changes_signal: false,
+        ordinary: |_| 0.0,
         starts: |_| {
             [[0.08, 100.0], [0.08, 500.0], [0.15, 300.0], [0.25, 300.0]]
                 .iter()
@@ -157,6 +173,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::Adaptation,
         parameters: &[log("time_constant_s", [0.05, 20.0]), linear("fraction", [0.0, 0.98], 2e-3)],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |_| [[0.3, 0.05], [1.5, 0.05], [0.1, 0.05]].iter().map(|s| s.to_vec()).collect(),
         stage: 1,
         apply: |v, view| {
@@ -179,6 +196,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::TemperatureDrift,
         parameters: &[linear("rate_hz_per_s", [-5.0, 20.0], 5e-3)],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |_| vec![vec![0.1], vec![-0.1]],
         stage: 2,
         apply: |v, view| {
@@ -195,31 +213,31 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::EventDrop,
         parameters: &[log("fraction", [1e-3, 0.9])],
         changes_signal: false,
+        ordinary: |_| 0.0,
         starts: |_| vec![vec![0.02], vec![0.15]],
         stage: 3,
         apply: |v, view| view.law.loss = v[0].min(0.95),
         report: |_, all| all,
     },
     ModelEffect {
-        id: EffectId::StampJitter,
-        parameters: &[log("sigma_us", [20.0, 50_000.0])],
-        changes_signal: false,
-        starts: |_| vec![vec![150.0], vec![700.0], vec![3_000.0]],
-        stage: 3,
-        apply: |v, view| view.law.jitter_s = view.law.jitter_s.hypot(v[0] * 1e-6),
-        report: |_, all| all,
-    },
-    ModelEffect {
         id: EffectId::ClockSkew,
         parameters: &[linear("skew_ppm", [-50_000.0, 50_000.0], 2.0)],
         changes_signal: false,
-        starts: |_| [100.0, -100.0, 1_000.0, -1_000.0].iter().map(|ppm| vec![*ppm]).collect(),
+        ordinary: ordinary_skew_ppm,
+        starts: |evidence| {
+            // Without a measured clock, 24 frames per second may be stamped as 25: 42 000 ppm.
+            const FAR: [f64; 4] = [5_000.0, 10_000.0, 20_000.0, 42_000.0];
+            let tied = evidence.facts.clock_tie.map(|tied| tied.skew_ppm[0]);
+            let far = if tied.is_some() { &FAR[..0] } else { &FAR[..] };
+            let both = [100.0, 1_500.0].iter().chain(far).flat_map(|ppm| [*ppm, -ppm]);
+            tied.into_iter().chain(both).map(|ppm| vec![ppm]).collect()
+        },
         stage: 4,
         apply: |v, view| {
-            let fast = v[0] * 1e-6;
-            let middle = view.start_us + 0.5 * view.step_us * view.signal.len() as f64;
-            view.start_us += (view.start_us - middle) * fast;
-            view.step_us *= 1.0 + fast;
+            // The clock was set at the start.
+            let fast = 1.0 + v[0] * 1e-6;
+            view.start_us *= fast;
+            view.step_us *= fast;
         },
         report: |_, all| all,
     },
@@ -227,6 +245,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::RollingShutter,
         parameters: &[linear("row_us", [-200.0, 200.0], 0.1)],
         changes_signal: false,
+        ordinary: |_| 0.0,
         starts: |_| vec![vec![1.0], vec![-1.0]],
         stage: 4,
         apply: |v, view| view.start_us += v[0] * (f64::from(view.y) + 0.5 - view.middle[1]),
@@ -236,6 +255,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         id: EffectId::ExposureBlur,
         parameters: &[log("exposure_us", [1_000.0, 60_000.0])],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |e| if e.facts.from_scene { vec![vec![8_000.0]] } else { vec![] },
         stage: 0,
         apply: |v, view| {
@@ -259,6 +279,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
             linear("cosine", [-0.9, 0.9], 1e-3),
         ],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |e| {
             lines(e, 3)
                 .into_iter()
@@ -291,6 +312,7 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
             linear("cosine_y_px", [-2.0, 2.0], 2e-3),
         ],
         changes_signal: true,
+        ordinary: |_| 0.0,
         starts: |e| {
             if !e.facts.from_scene {
                 return vec![];

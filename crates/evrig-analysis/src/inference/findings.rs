@@ -1,8 +1,9 @@
-//! Named effects: accepted ones, and constants that lie surely outside their ordinary range.
+//! Named effects with their parameters.
 
+use super::candidate::EffectCandidate;
 use super::constants::CameraConstant;
-use super::fit::{ModelFit, fit, paired_gain};
-use super::goodness::SIGNIFICANT_STANDARD_ERRORS;
+use super::effects::ModelEffect;
+use super::fit::{FitTolerance, ModelFit, fit, paired_gain};
 use super::intervals::standard_errors;
 use super::select::{EffectSelection, is_significant};
 use crate::diagnose::report::departure::upper_tail_probability;
@@ -21,95 +22,40 @@ impl Findings {
     pub(super) fn of(evidence: &Evidence, found: &EffectSelection) -> Self {
         let errors = standard_errors(evidence, &found.fit);
         let mut effects: Vec<FittedEffect> =
-            (0..found.steps.len()).map(|i| structural(evidence, found, &errors, i)).collect();
-        let outside = constants_outside(evidence, &found.fit, &errors);
-        let spread = found.spread_ci[1] > MAX_ORDINARY_SPREAD;
-        for id in outside.iter().copied().chain(spread.then_some(EffectId::ThresholdMismatch)) {
-            let without = without(evidence, &found.fit, id);
+            (0..found.steps.len()).map(|i| accepted(evidence, found, &errors, i)).collect();
+        let mut baseline = found.calibrated.clone();
+        if found.spread_ci[1] > MAX_ORDINARY_SPREAD {
+            let without = with_ordinary_spread(evidence, &found.fit);
             let gain = paired_gain(evidence, &found.fit.evaluation, &without.evaluation, true);
             if is_significant(gain) {
+                let id = EffectId::ThresholdMismatch;
                 effects.push(constant_effect(evidence, found, &errors, id, gain));
+                baseline = with_ordinary_spread(evidence, &baseline);
             }
         }
-        let baseline = baseline(evidence, found, &effects);
         Self { effects, baseline, errors }
     }
 }
 
-/// Largest spread of the thresholds that is not reported: the published generator draws identical
-/// pixels, and 5 % changes no interval by more than its noise.
-const MAX_ORDINARY_SPREAD: f64 = 0.05;
-
-/// Effects of constants that lie surely outside their ordinary range.
-fn constants_outside(evidence: &Evidence, fit: &ModelFit, errors: &[f64]) -> Vec<EffectId> {
-    let mut found = Vec::new();
-    for constant in CameraConstant::ALL {
-        let prior = constant.prior(&evidence.facts);
-        let (value, error) = (fit.model.constant(constant), errors[constant as usize]);
-        let reach = SIGNIFICANT_STANDARD_ERRORS * error;
-        let is_outside = value - reach > prior.ordinary[1] || value + reach < prior.ordinary[0];
-        let id = constant.effect(value).map(|id| delayed(evidence, id));
-        if let Some(id) = id.filter(|id| is_outside && !found.contains(id)) {
-            found.push(id);
-        }
-    }
-    found
-}
-
-/// A delay of the events alone is a pixel latency where the camera's own frames are on time.
-fn delayed(evidence: &Evidence, id: EffectId) -> EffectId {
-    match evidence.facts.clock_tie {
-        Some(tie) if id == EffectId::ClockOffset && !tie.is_off() => EffectId::PixelLatency,
-        _ => id,
-    }
-}
-
-/// The model with the constants of an effect inside their ordinary ranges.
-fn without(evidence: &Evidence, found: &ModelFit, id: EffectId) -> ModelFit {
-    let mut model = found.model.clone();
-    if id == EffectId::ThresholdMismatch {
-        model.limit_spread(MAX_ORDINARY_SPREAD);
-    }
-    for constant in CameraConstant::ALL {
-        let own = constant.effect(model.constant(constant)).map(|id| delayed(evidence, id));
-        if own == Some(id) {
-            let [low, high] = constant.prior(&evidence.facts).ordinary;
-            model.limits.push((constant, [low, high]));
-        }
-    }
-    fit(evidence, model, N_REFIT_STEPS)
+fn with_ordinary_spread(evidence: &Evidence, fitted: &ModelFit) -> ModelFit {
+    let mut model = fitted.model.clone();
+    model.limit_spread(MAX_ORDINARY_SPREAD);
+    fit(evidence, model, N_REFIT_STEPS, FitTolerance::Fine)
 }
 
 const N_REFIT_STEPS: usize = 6;
 
-/// Constants alone, those of named effects within their ordinary ranges.
-fn baseline(evidence: &Evidence, found: &EffectSelection, effects: &[FittedEffect]) -> ModelFit {
-    let mut model = found.calibrated.model.clone();
-    let mut is_changed = false;
-    for constant in CameraConstant::ALL {
-        let ids = [model.constant(constant), -model.constant(constant)]
-            .map(|v| constant.effect(v).map(|id| delayed(evidence, id)));
-        if effects.iter().any(|effect| ids.contains(&Some(effect.id))) {
-            model.limits.push((constant, constant.prior(&evidence.facts).ordinary));
-            is_changed = true;
-        }
-    }
-    if effects.iter().any(|effect| effect.id == EffectId::ThresholdMismatch) {
-        model.limit_spread(MAX_ORDINARY_SPREAD);
-        is_changed = true;
-    }
-    if is_changed { fit(evidence, model, N_REFIT_STEPS) } else { found.calibrated.clone() }
-}
+/// Largest spread of the thresholds that is not reported: the published generator draws identical
+/// pixels, and 5 % changes no interval by more than its noise.
+const MAX_ORDINARY_SPREAD: f64 = 0.05;
 
 pub(super) fn interval(value: f64, error: f64, natural: impl Fn(f64) -> f64) -> ConfidenceInterval {
     let mut ends = [value - Z90 * error, value + Z90 * error].map(&natural);
     if ends[0] > ends[1] {
         ends.swap(0, 1);
     }
-    ConfidenceInterval {
-        value: natural(value),
-        ci90: ends.map(|end| Some(end).filter(|end| end.is_finite())),
-    }
+    let is_known = |end: &f64| error.is_finite() && end.is_finite();
+    ConfidenceInterval { value: natural(value), ci90: ends.map(|end| Some(end).filter(is_known)) }
 }
 
 /// An effect of the library with its fitted parameters.
@@ -137,35 +83,49 @@ fn fitted_effect(
     }
 }
 
-fn structural(
+/// An accepted effect.
+fn accepted(
     evidence: &Evidence,
     found: &EffectSelection,
     errors: &[f64],
     index: usize,
 ) -> FittedEffect {
     let step = &found.steps[index];
-    let model = &found.fit.model;
-    let at = model.offset_of(index);
-    let own =
-        step.effect.parameters.iter().enumerate().map(|(i, p)| {
-            (p.key, interval(model.values[at + i], errors[at + i], |v| p.natural(v)))
-        });
-    let all: Vec<(&'static str, ConfidenceInterval)> = own.collect();
-    let reported = (step.effect.report)(evidence, all);
-    let mut effect = fitted_effect(step.effect.id, reported, (step.gain, step.error));
+    let gain = (step.gain, step.error);
+    let mut effect = match step.candidate {
+        EffectCandidate::Structural(own) => {
+            fitted_effect(own.id, structural_parameters(evidence, found, errors, own), gain)
+        }
+        EffectCandidate::Freed(_) => constant_effect(evidence, found, errors, step.id, gain),
+    };
     effect.competing_hypotheses = step
         .others
         .iter()
-        .map(|(other, gain, _)| CompetingHypothesis {
-            id: other.id,
-            heldout_gain_nats_per_event: *gain,
-        })
+        .map(|(id, gain, _)| CompetingHypothesis { id: *id, heldout_gain_nats_per_event: *gain })
         .collect();
     let near = step.others.iter().filter(|(_, gain, error)| {
         step.gain - gain < 2.0 * step.error.hypot(*error) && *gain > 0.5 * step.gain
     });
-    effect.indistinguishable.extend(near.map(|(other, ..)| other.id));
+    effect.indistinguishable.extend(near.map(|(id, ..)| *id));
     effect
+}
+
+fn structural_parameters(
+    evidence: &Evidence,
+    found: &EffectSelection,
+    errors: &[f64],
+    own: &ModelEffect,
+) -> Vec<(&'static str, ConfidenceInterval)> {
+    let model = &found.fit.model;
+    let Some(index) = model.effects.iter().position(|effect| effect.id == own.id) else {
+        return Vec::new();
+    };
+    let at = model.offset_of(index);
+    let parameters =
+        own.parameters.iter().enumerate().map(|(i, p)| {
+            (p.key, interval(model.values[at + i], errors[at + i], |v| p.natural(v)))
+        });
+    (own.report)(evidence, parameters.collect())
 }
 
 fn constant_effect(
@@ -189,6 +149,7 @@ fn constant_effect(
         EffectId::DarkCurrent => vec![(key(0), of(C::Pedestal, &|v| v))],
         EffectId::BlackLevel => vec![(key(0), of(C::Pedestal, &|v| -v * dn))],
         EffectId::ClockOffset | EffectId::PixelLatency => vec![(key(0), of(C::OffsetUs, &|v| v))],
+        EffectId::StampJitter => vec![(key(0), of(C::LogStampError, &f64::exp))],
         EffectId::Defocus => {
             vec![(key(0), of(C::BlurPx2, &|v: f64| v.abs().sqrt() * v.signum()))]
         }

@@ -1,8 +1,10 @@
 //! Levenberg-Marquardt on the penalised log-likelihood.
 
-use super::model::{CameraModel, FitCoordinate, PixelTerms, score_view};
+use super::goodness::NEGLIGIBLE_NATS_PER_EVENT;
+use super::model::{CameraModel, FitCoordinate, PixelTerms, score_view, train_blocks};
+use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
 
 /// Scores of all pixels under a model.
@@ -25,13 +27,28 @@ impl ModelEvaluation {
             for (b, c) in score.compensator.iter().enumerate() {
                 cells[pixel.tile * nb + b][0] -= c;
             }
-            for (l, b) in score.log_hazard.iter().zip(&score.block) {
-                let cell = &mut cells[pixel.tile * nb + usize::from(*b)];
-                cell[0] += l;
+            for (block, log_hazard) in score.events() {
+                let cell = &mut cells[pixel.tile * nb + block];
+                cell[0] += log_hazard;
                 cell[1] += 1.0;
             }
         }
         cells
+    }
+
+    /// Derivatives of the log hazards of training events by pixel, and of the training
+    /// log-likelihood, from a base at a distance `step`.
+    pub(crate) fn derivative(
+        &self,
+        evidence: &Evidence,
+        base: &Self,
+        step: f64,
+    ) -> (Vec<Vec<f64>>, f64) {
+        let pixels = self.pixels.iter().zip(&base.pixels).enumerate();
+        let all = pixels
+            .map(|(p, (moved, base))| moved.derivative(base, step, &train_blocks(evidence, p)));
+        let (rows, slopes): (Vec<Vec<f64>>, Vec<f64>) = all.unzip();
+        (rows, slopes.iter().sum())
     }
 
     pub(crate) fn sum(&self, evidence: &Evidence, is_train: impl Fn(usize, usize) -> bool) -> f64 {
@@ -88,7 +105,7 @@ impl ModelFit {
     }
 }
 
-fn objective(
+pub(super) fn objective(
     evidence: &Evidence,
     model: &CameraModel,
     e: &ModelEvaluation,
@@ -97,21 +114,21 @@ fn objective(
     e.sum(evidence, |t, b| !evidence.is_held_out(t, b)) + model.log_prior(c)
 }
 
-/// Terms of a pixel with one coordinate stepped, inwards from a bound, and the step. `signal` is that
-/// of the model.
+/// Terms of a pixel with one coordinate stepped, inwards from a bound, and the step. `view` is the
+/// pixel under the model.
 pub(super) fn stepped(
     evidence: &Evidence,
     model: &CameraModel,
     (at, coordinate): (usize, &FitCoordinate),
     p: usize,
-    signal: &[f64],
+    view: &ModelledPixel<'_>,
 ) -> (PixelTerms, f64) {
     let FitCoordinate { step, range, changes_signal, .. } = *coordinate;
     let mut other = model.clone();
     let h = if other.values[at] + step > range[1] { -step } else { step };
     other.values[at] += h;
-    let keeps_signal = !changes_signal && !needs_signal(model, at);
-    (other.score(evidence, p, keeps_signal.then(|| signal.to_vec())), h)
+    let keeps_signal = !changes_signal && !model.needs_signal(at);
+    (other.score(evidence, p, keeps_signal.then_some(view)), h)
 }
 
 /// Gradient and event information of the training cells, by forward differences.
@@ -127,27 +144,14 @@ fn slope(
         .map(|p| {
             let view = model.view(evidence, p, None);
             let base = score_view(evidence, p, &view);
-            let signal = view.signal;
-            let tile = evidence.pixels[p].tile;
-            let train: Vec<bool> =
-                (0..evidence.blocks.n()).map(|b| !evidence.is_held_out(tile, b)).collect();
+            let train = train_blocks(evidence, p);
             let mut g = DVector::zeros(k);
-            let n = base.log_hazard.len();
-            let mut rows = DMatrix::zeros(k, n);
+            let mut rows = DMatrix::zeros(k, base.n_events());
             for (j, &at) in active.iter().enumerate() {
-                let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &signal);
-                for (i, (a, b)) in moved.log_hazard.iter().zip(&base.log_hazard).enumerate() {
-                    if train[usize::from(base.block[i])] {
-                        let d = (a - b) / h;
-                        rows[(j, i)] = d;
-                        g[j] += d;
-                    }
-                }
-                for (b, train) in train.iter().enumerate() {
-                    if *train {
-                        g[j] -= (moved.compensator[b] - base.compensator[b]) / h;
-                    }
-                }
+                let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &view);
+                let (row, slope) = moved.derivative(&base, h, &train);
+                rows.set_row(j, &RowDVector::from_vec(row));
+                g[j] = slope;
             }
             (g, &rows * rows.transpose())
         })
@@ -162,22 +166,62 @@ fn slope(
     LikelihoodSlope { gradient, information }
 }
 
-/// Thresholds scale the leaks, which are part of the signal.
-fn needs_signal(model: &CameraModel, at: usize) -> bool {
-    use super::constants::CameraConstant;
-    let scaled = model.constant(CameraConstant::PhotoLeakHz) != 0.0
-        || model.effects.iter().any(|e| e.stage == 2);
-    scaled && (at == CameraConstant::LogTheta as usize || at == CameraConstant::LogRatio as usize)
+/// Inverse of the part of a matrix at some coordinates, zero elsewhere.
+pub(super) fn inverse_of(matrix: &DMatrix<f64>, at: &[usize]) -> Option<DMatrix<f64>> {
+    // A ridge far below the resolution of finite differences: directions without information.
+    let of = |i: usize, j: usize| matrix[(at[i], at[j])] * if i == j { 1.0 + 1e-9 } else { 1.0 };
+    let part = DMatrix::from_fn(at.len(), at.len(), of).cholesky()?.inverse();
+    let mut inverse = DMatrix::zeros(matrix.nrows(), matrix.ncols());
+    for (i, a) in at.iter().enumerate() {
+        for (j, b) in at.iter().enumerate() {
+            inverse[(*a, *b)] = part[(i, j)];
+        }
+    }
+    Some(inverse)
+}
+
+/// Improvement at which a fit ends.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum FitTolerance {
+    /// A fifth of the smallest mismatch that is reported: of a fit that another one refines.
+    Coarse,
+    /// Half a nat: below the statistical error of a coordinate.
+    Fine,
+}
+
+impl FitTolerance {
+    fn nats(self, evidence: &Evidence) -> f64 {
+        match self {
+            Self::Coarse => (0.2 * NEGLIGIBLE_NATS_PER_EVENT * evidence.n_events() as f64).max(0.5),
+            Self::Fine => 0.5,
+        }
+    }
 }
 
 /// Fits all coordinates of a model.
-pub(crate) fn fit(evidence: &Evidence, start: CameraModel, max_steps: usize) -> ModelFit {
+pub(crate) fn fit(
+    evidence: &Evidence,
+    start: CameraModel,
+    max_steps: usize,
+    tolerance: FitTolerance,
+) -> ModelFit {
+    let active = CameraModel::active(&start.coordinates(evidence));
+    fit_coordinates(evidence, start, active, max_steps, tolerance)
+}
+
+/// Fits some coordinates of a model.
+pub(crate) fn fit_coordinates(
+    evidence: &Evidence,
+    start: CameraModel,
+    active: Vec<usize>,
+    max_steps: usize,
+    tolerance: FitTolerance,
+) -> ModelFit {
     let coordinates = start.coordinates(evidence);
     let mut model = start;
     for (v, c) in model.values.iter_mut().zip(&coordinates) {
         *v = v.clamp(c.range[0], c.range[1]);
     }
-    let active: Vec<usize> = (0..model.values.len()).filter(|i| coordinates[*i].sd > 0.0).collect();
     let mut evaluation = ModelEvaluation::of(evidence, &model);
     let mut best = objective(evidence, &model, &evaluation, &coordinates);
     let mut damping = 1e-2;
@@ -185,14 +229,21 @@ pub(crate) fn fit(evidence: &Evidence, start: CameraModel, max_steps: usize) -> 
     for _ in 0..max_steps {
         let LikelihoodSlope { gradient, information } =
             slope(evidence, &model, &coordinates, &active);
-        covariance = information.clone().try_inverse();
+        // Coordinates that a bound holds do not move, and the others do not count on them.
+        let is_held = |j: usize| {
+            let [low, high] = coordinates[active[j]].range;
+            let value = model.values[active[j]];
+            value <= low && gradient[j] < 0.0 || value >= high && gradient[j] > 0.0
+        };
+        let free: Vec<usize> = (0..active.len()).filter(|j| !is_held(*j)).collect();
+        covariance = inverse_of(&information, &free);
         let mut improved = 0.0;
         for _ in 0..7 {
             let mut damped = information.clone();
             for j in 0..active.len() {
                 damped[(j, j)] += damping * information[(j, j)].max(1e-9);
             }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else {
+            let Some(step) = inverse_of(&damped, &free).map(|inverse| inverse * &gradient) else {
                 damping *= 10.0;
                 continue;
             };
@@ -213,7 +264,7 @@ pub(crate) fn fit(evidence: &Evidence, start: CameraModel, max_steps: usize) -> 
             }
             damping *= 8.0;
         }
-        if improved < 0.5 {
+        if improved < tolerance.nats(evidence) {
             break;
         }
     }

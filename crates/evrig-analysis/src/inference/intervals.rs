@@ -47,7 +47,7 @@ fn block_scores(evidence: &Evidence, fit: &ModelFit, p: usize) -> Vec<DVector<f6
     let base = block_sums(evidence, p, &score_view(evidence, p, &view));
     let mut scores = vec![DVector::zeros(fit.active.len()); base.len()];
     for (j, &at) in fit.active.iter().enumerate() {
-        let (moved, h) = stepped(evidence, &fit.model, (at, &coordinates[at]), p, &view.signal);
+        let (moved, h) = stepped(evidence, &fit.model, (at, &coordinates[at]), p, &view);
         for (b, sum) in block_sums(evidence, p, &moved).into_iter().enumerate() {
             scores[b][j] = (sum - base[b]) / h;
         }
@@ -58,8 +58,8 @@ fn block_scores(evidence: &Evidence, fit: &ModelFit, p: usize) -> Vec<DVector<f6
 /// Log-likelihood of each training block.
 fn block_sums(evidence: &Evidence, p: usize, terms: &PixelTerms) -> Vec<f64> {
     let mut sums: Vec<f64> = terms.compensator.iter().map(|c| -c).collect();
-    for (log_hazard, block) in terms.log_hazard.iter().zip(&terms.block) {
-        sums[usize::from(*block)] += log_hazard;
+    for (block, log_hazard) in terms.events() {
+        sums[block] += log_hazard;
     }
     let tile = evidence.pixels[p].tile;
     for (block, sum) in sums.iter_mut().enumerate() {

@@ -12,11 +12,16 @@
 //! the noise's own speed `nu` carries it over the threshold, as in Rice's formula (1945). It has no
 //! discontinuity where the signal has an extremum.
 
+pub(crate) use crate::predict::softplus::{logistic, softplus};
+
 /// Standard deviation of a logistic distribution over its scale: pi / sqrt(3).
 pub(crate) const LOGISTIC_SD: f64 = 1.813_799_364_234_217_8;
 
 /// Path of the signal, in thresholds, over which the error of the known signal decorrelates.
 const ERROR_PATH: f64 = 2.0;
+
+/// Decorrelated share of that error after a path of one threshold: 1 - exp(-1/4).
+const ERROR_AT_THRESHOLD: f64 = 0.221_199_216_928_595_1;
 
 /// When a pixel fires. Contrast in natural logarithms of intensity, time in seconds; pairs are ON,
 /// OFF.
@@ -87,32 +92,13 @@ impl ComparatorLaw {
 
     /// Squared factor of the noise after a path of the signal in thresholds; 1 after one threshold.
     pub(crate) fn path_share2(&self, path: f64) -> f64 {
-        let decorrelated = |path: f64| -(-(path / ERROR_PATH).powi(2)).exp_m1();
+        let decorrelated = 1.0 - (-(path / ERROR_PATH).powi(2)).exp();
         let at_rest = self.rest_share * self.rest_share;
-        at_rest + (1.0 - at_rest) * decorrelated(path) / decorrelated(1.0)
+        at_rest + (1.0 - at_rest) * decorrelated / ERROR_AT_THRESHOLD
     }
 
     /// Largest value of [`Self::path_share2`].
     pub(crate) fn max_path_share2(&self) -> f64 {
         self.path_share2(1e3).max(1.0)
-    }
-}
-
-/// `ln(1 + e^z)`, to a relative error of 1e-8.
-pub(crate) fn softplus(z: f64) -> f64 {
-    if z > 20.0 {
-        return z;
-    }
-    let e = z.exp();
-    if z < -18.0 { e } else { e.ln_1p() }
-}
-
-/// `1 / (1 + e^-z)`.
-pub(crate) fn logistic(z: f64) -> f64 {
-    if z >= 0.0 {
-        1.0 / (1.0 + (-z).exp())
-    } else {
-        let e = z.exp();
-        e / (1.0 + e)
     }
 }

@@ -6,14 +6,15 @@ use super::law::{ComparatorLaw, logistic};
 use super::pass::{HazardTerm, TermVisitor, visit};
 use super::view::ModelledPixel;
 use crate::diagnose::{Evidence, ImagePose};
+use evrig_core::effect_id::EffectId;
 use std::sync::Arc;
 
 #[derive(Debug, Clone)]
 pub(crate) struct CameraModel {
     pub(crate) values: Vec<f64>,
     pub(crate) effects: Vec<&'static ModelEffect>,
-    /// Constants held inside a range.
-    pub(crate) limits: Vec<(CameraConstant, [f64; 2])>,
+    /// Constants held inside their ordinary ranges.
+    limits: Vec<(CameraConstant, [f64; 2])>,
     /// Largest spread of the thresholds.
     pub(crate) max_spread: f64,
     /// Log threshold of each pixel relative to the mean, ON and OFF.
@@ -32,14 +33,61 @@ pub(crate) struct FitCoordinate {
     pub(crate) changes_signal: bool,
 }
 
-/// A pixel's terms.
-#[derive(Debug, Clone, Default)]
+/// A pixel's terms of the log-likelihood.
+#[derive(Debug, Clone)]
 pub(crate) struct PixelTerms {
-    /// Log hazard of each scored event, and its block.
-    pub(crate) log_hazard: Vec<f64>,
-    pub(crate) block: Vec<u16>,
+    /// Log hazard of each event, NaN where the signal is unknown, and its block.
+    log_hazard: Vec<f64>,
+    block: Vec<u16>,
     /// Compensator of each block.
     pub(crate) compensator: Vec<f64>,
+}
+
+impl PixelTerms {
+    /// Number of events, scored or not.
+    pub(crate) fn n_events(&self) -> usize {
+        self.log_hazard.len()
+    }
+
+    /// Block and log hazard of each scored event.
+    pub(crate) fn events(&self) -> impl Iterator<Item = (usize, f64)> {
+        let all = self.block.iter().map(|b| usize::from(*b)).zip(self.log_hazard.iter().copied());
+        all.filter(|(_, log_hazard)| log_hazard.is_finite())
+    }
+
+    /// Number, block and change of the log hazard against a base of each event scored in both.
+    pub(crate) fn changes(&self, base: &Self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let pairs = self.log_hazard.iter().zip(&base.log_hazard).zip(&base.block);
+        let all = pairs.enumerate().map(|(i, ((a, b), block))| (i, usize::from(*block), a - b));
+        all.filter(|(.., change)| change.is_finite())
+    }
+
+    /// Derivatives of the log hazards of training events by a coordinate that was stepped, and of
+    /// the training log-likelihood.
+    pub(crate) fn derivative(&self, base: &Self, step: f64, is_train: &[bool]) -> (Vec<f64>, f64) {
+        let mut row = vec![0.0; base.n_events()];
+        let mut slope = 0.0;
+        for (i, _, change) in self.changes(base).filter(|(_, block, _)| is_train[*block]) {
+            row[i] = change / step;
+            slope += row[i];
+        }
+        for ((a, b), _) in self
+            .compensator
+            .iter()
+            .zip(&base.compensator)
+            .zip(is_train)
+            .filter(|(_, train)| **train)
+        {
+            slope -= (a - b) / step;
+        }
+        (row, slope)
+    }
+}
+
+/// Whether each block of a pixel is in the training set.
+pub(crate) fn train_blocks(evidence: &Evidence, p: usize) -> Vec<bool> {
+    let tile = evidence.pixels[p].tile;
+    (0..evidence.blocks.n()).map(|block| !evidence.is_held_out(tile, block)).collect()
 }
 
 struct TermCollector(PixelTerms);
@@ -49,8 +97,8 @@ impl TermVisitor for TermCollector {
         self.0.compensator[block] += compensator;
     }
     fn event(&mut self, term: &HazardTerm) {
-        self.0.log_hazard.push(term.log_hazard);
-        self.0.block.push(term.block as u16);
+        self.0.log_hazard[term.index] = term.log_hazard;
+        self.0.block[term.index] = term.block as u16;
     }
 }
 
@@ -60,33 +108,90 @@ impl CameraModel {
             let ConstantPrior { mean, ordinary: [lo, hi], .. } = c.prior(&evidence.facts);
             mean.clamp(lo, hi)
         });
+        let limits = CameraConstant::ALL.map(|c| (c, c.prior(&evidence.facts).ordinary));
         Self {
             values: values.to_vec(),
             effects: Vec::new(),
-            limits: Vec::new(),
+            limits: limits.to_vec(),
             max_spread: f64::INFINITY,
             spread: Arc::new(vec![[0.0; 2]; evidence.pixels.len()]),
             spread_sd: 0.0,
         }
     }
 
-    /// Whether the first parameter of the last effect, its strength or its scale, lies at the end of
-    /// its range.
-    pub(crate) fn is_at_bound(&self) -> bool {
-        let Some(index) = self.effects.len().checked_sub(1) else { return false };
-        let at = self.offset_of(index);
-        let first = self.effects[index].parameters.iter().zip(&self.values[at..]).take(1);
-        first.into_iter().any(|(parameter, value)| {
-            let [low, high] = parameter.fitted_range();
-            !parameter.is_fixed && (*value <= low || *value >= high)
-        })
+    /// Whether a constant is held inside its ordinary range.
+    pub(crate) fn is_limited(&self, constant: CameraConstant) -> bool {
+        self.limits.iter().any(|(limited, _)| *limited == constant)
+    }
+
+    /// Lets constants leave their ordinary ranges.
+    pub(crate) fn free(&mut self, group: &[CameraConstant]) {
+        self.limits.retain(|(limited, _)| !group.contains(limited));
+    }
+
+    /// Holds constants inside their ordinary ranges.
+    pub(crate) fn limit(&mut self, evidence: &Evidence, group: &[CameraConstant]) {
+        self.free(group);
+        self.limits.extend(group.iter().map(|c| (*c, c.prior(&evidence.facts).ordinary)));
     }
 
     /// Removes an effect.
-    pub(crate) fn remove_effect(&mut self, index: usize) {
+    pub(crate) fn remove_effect(&mut self, id: EffectId) {
+        let Some(index) = self.effects.iter().position(|effect| effect.id == id) else { return };
         let at = self.offset_of(index);
         self.values.drain(at..at + self.effects[index].parameters.len());
         self.effects.remove(index);
+    }
+
+    /// The same camera with equal thresholds in all pixels of some evidence.
+    pub(crate) fn for_pixels(mut self, evidence: &Evidence) -> Self {
+        self.spread = Arc::new(vec![[0.0; 2]; evidence.pixels.len()]);
+        self.spread_sd = 0.0;
+        self
+    }
+
+    /// The effects and freed constants of this model with the other constants of another one.
+    pub(crate) fn with_constants_of(&self, other: &Self) -> Self {
+        let mut model = self.clone();
+        for (constant, _) in &self.limits {
+            model.values[*constant as usize] = other.constant(*constant);
+        }
+        model
+    }
+
+    /// The same camera for every `n`-th pixel.
+    pub(crate) fn thinned(&self, n: usize) -> Self {
+        let spread = self.spread.iter().step_by(n).copied().collect();
+        Self { spread: Arc::new(spread), ..self.clone() }
+    }
+
+    /// Holds a constant at a value.
+    pub(crate) fn pin(&mut self, constant: CameraConstant, value: f64) {
+        self.free(&[constant]);
+        self.limits.push((constant, [value; 2]));
+        self.values[constant as usize] = value;
+    }
+
+    /// This camera with an effect or freed constants that were fitted to another one: the values
+    /// `own` as fitted, the others with the change that the fit made.
+    pub(crate) fn moved_as(&self, from: &Self, fitted: Self, own: &[usize]) -> Self {
+        let mut values = fitted.values;
+        for (at, value) in values.iter_mut().enumerate().take(self.values.len()) {
+            if !own.contains(&at) {
+                *value += self.values[at] - from.values[at];
+            }
+        }
+        let noise = CameraConstant::LogNoise;
+        let is_ordinary = |(limited, _): &&(CameraConstant, [f64; 2])| *limited == noise;
+        let mut limits = fitted.limits;
+        limits.retain(|(limited, _)| *limited != noise);
+        limits.extend(self.limits.iter().find(is_ordinary));
+        Self { values, limits, effects: fitted.effects, ..self.clone() }
+    }
+
+    /// Coordinates that are fitted.
+    pub(crate) fn active(coordinates: &[FitCoordinate]) -> Vec<usize> {
+        (0..coordinates.len()).filter(|at| coordinates[*at].sd > 0.0).collect()
     }
 
     /// Limits the spread of the thresholds.
@@ -163,10 +268,13 @@ impl CameraModel {
             .sum()
     }
 
-    fn law(&self, evidence: &Evidence, spread: [f64; 2]) -> ComparatorLaw {
+    /// The law of a pixel whose log thresholds differ by `spread` from the mean.
+    pub(super) fn law(&self, evidence: &Evidence, spread: [f64; 2]) -> ComparatorLaw {
         let v = |c: CameraConstant| self.values[c as usize];
         let (theta, half) =
             (v(CameraConstant::LogTheta).exp(), (0.5 * v(CameraConstant::LogRatio)).exp());
+        // A uniform error within the step of the stamps.
+        let grid_us = evidence.facts.stamp_step_us.unwrap_or(0.0) / 12.0_f64.sqrt();
         ComparatorLaw {
             theta: [theta * half * spread[0].exp(), theta / half * spread[1].exp()],
             leak_per_s: theta * half * v(CameraConstant::LeakHz),
@@ -180,25 +288,28 @@ impl CameraModel {
                 v(CameraConstant::LogBackgroundOff).exp(),
             ],
             background_reset: logistic(v(CameraConstant::LogitBackgroundReset)),
-            jitter_s: evidence.facts.stamp_step_us.unwrap_or(0.0) * 1e-6 / 12.0_f64.sqrt(),
+            jitter_s: 1e-6 * v(CameraConstant::LogStampError).exp().hypot(grid_us),
             ..ComparatorLaw::default()
         }
     }
 
-    /// The pixel as the model predicts it. `base` is a signal of the same model whose law and
-    /// clock alone differ.
+    /// The pixel as the model predicts it. `base` is the pixel under a model of the same signal
+    /// whose law and clock alone differ.
     pub(crate) fn view<'a>(
         &self,
         evidence: &'a Evidence,
         number: usize,
-        base: Option<Vec<f64>>,
+        base: Option<&ModelledPixel<'_>>,
     ) -> ModelledPixel<'a> {
         let pixel = &evidence.pixels[number];
         let own = [evidence.start_us, evidence.step_us];
         let stated = evidence.facts.clock_tie.map(|t| t.as_stated(own, evidence.seconds()));
         let [start_us, step_us] = stated.unwrap_or(own);
         let has_base = base.is_some();
-        let signal = base.unwrap_or_else(|| pixel.light.iter().map(|v| f64::from(*v)).collect());
+        let signal = base.map_or_else(
+            || pixel.light.iter().map(|v| f64::from(*v)).collect(),
+            |base| base.signal.clone(),
+        );
         let mut view = ModelledPixel {
             pixel,
             y: pixel.y,
@@ -209,7 +320,12 @@ impl CameraModel {
             law: self.law(evidence, self.spread[number]),
             darkness: Vec::new(),
         };
-        view.darkness = pixel.light.iter().map(|l| view.law.darkness(f64::from(*l))).collect();
+        view.darkness = match base
+            .filter(|b| b.law.noise_exponent.to_bits() == view.law.noise_exponent.to_bits())
+        {
+            Some(base) => base.darkness.clone(),
+            None => pixel.light.iter().map(|l| view.law.darkness(f64::from(*l))).collect(),
+        };
         if !has_base {
             self.constants_on_light(evidence, &mut view);
         }
@@ -254,8 +370,13 @@ impl CameraModel {
         let pedestal = self.constant(CameraConstant::Pedestal);
         if pedestal != 0.0 {
             for signal in &mut view.signal {
-                let light = signal.exp();
-                *signal = (light + pedestal).max(0.05 * light).ln();
+                let share = pedestal * (-*signal).exp();
+                *signal += if share.abs() < 0.02 {
+                    // The logarithm's series, to 1e-8.
+                    share * (1.0 - share * (0.5 - share * (1.0 / 3.0 - 0.25 * share)))
+                } else {
+                    share.max(-0.95).ln_1p()
+                };
             }
         }
     }
@@ -267,17 +388,33 @@ impl CameraModel {
         }
         let step = hz * view.law.theta[0] * view.step_us * 1e-6;
         let mut drift = 0.0;
-        for (signal, level) in view.signal.iter_mut().zip(&view.pixel.light) {
+        for (signal, light) in view.signal.iter_mut().zip(view.pixel.intensity()) {
             *signal += drift;
-            drift += if level.is_finite() { step * f64::from(level.exp()) } else { 0.0 };
+            drift += if light.is_finite() { step * f64::from(*light) } else { 0.0 };
         }
+    }
+
+    /// Whether the signal of the pixels is that of a model whose effects are the first of this one.
+    pub(crate) fn has_signal_of(&self, base: &Self, coordinates: &[FitCoordinate]) -> bool {
+        let is_changed = |at: &usize| self.values[*at].to_bits() != base.values[*at].to_bits();
+        let changes_signal = |at: usize| coordinates[at].changes_signal || self.needs_signal(at);
+        self.effects[base.effects.len()..].iter().all(|effect| !effect.changes_signal)
+            && !(0..base.values.len()).filter(is_changed).any(changes_signal)
+    }
+
+    /// Thresholds scale the leaks, which are part of the signal.
+    pub(crate) fn needs_signal(&self, at: usize) -> bool {
+        let scaled = self.constant(CameraConstant::PhotoLeakHz) != 0.0
+            || self.effects.iter().any(|e| e.stage == 2);
+        let thresholds = [CameraConstant::LogTheta, CameraConstant::LogRatio];
+        scaled && thresholds.iter().any(|constant| *constant as usize == at)
     }
 
     pub(crate) fn score(
         &self,
         evidence: &Evidence,
         number: usize,
-        base: Option<Vec<f64>>,
+        base: Option<&ModelledPixel<'_>>,
     ) -> PixelTerms {
         let view = self.view(evidence, number, base);
         score_view(evidence, number, &view)
@@ -289,16 +426,12 @@ pub(crate) fn score_view(
     number: usize,
     view: &ModelledPixel<'_>,
 ) -> PixelTerms {
+    let spikes = &evidence.pixels[number].spikes;
     let mut scorer = TermCollector(PixelTerms {
+        log_hazard: vec![f64::NAN; spikes.len()],
+        block: vec![0; spikes.len()],
         compensator: vec![0.0; evidence.blocks.n()],
-        ..PixelTerms::default()
     });
-    visit(
-        &view.law,
-        view.sampled(),
-        &evidence.pixels[number].spikes,
-        &evidence.blocks,
-        &mut scorer,
-    );
+    visit(&view.law, view.sampled(), spikes, &evidence.blocks, &mut scorer);
     scorer.0
 }

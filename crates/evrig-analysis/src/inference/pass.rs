@@ -201,7 +201,7 @@ impl<'a> PixelPass<'a> {
             // Nothing happens before the gate opens.
             at = at.max(end - 12.0 * law.onset_s / step_s).min(to);
         }
-        let band = UnreachableBand::of(law, &self.states, self.max_noise);
+        let band = UnreachableBand::of(law, &self.states, self.max_noise, step_s);
         let per_theta = 2.0 / (law.theta[0] + law.theta[1]);
         let leak = law.leak_per_s * step_s;
         let background = (law.background_hz[0] + law.background_hz[1]) * step_s;
@@ -224,7 +224,8 @@ impl<'a> PixelPass<'a> {
                 self.path += (after - value).abs() * per_theta;
             }
             self.position = next;
-            let is_far = band.contains([value, after], self.path, self.signal.darkness[index]);
+            let is_far =
+                band.contains([value, after], length, self.path, self.signal.darkness[index]);
             let total = if is_far && (at - end) * step_s >= 36.0 * law.onset_s {
                 let sides = law.background_hz.map(|hz| hz * length * step_s);
                 (background * length, sides)

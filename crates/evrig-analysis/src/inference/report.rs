@@ -1,5 +1,6 @@
 //! From a selection of effects to the reported diagnosis.
 
+use super::camera::fitted_camera;
 use super::constants::{CameraConstant, ReportedAs};
 use super::findings::{Findings, interval};
 use super::fit::ModelFit;
@@ -8,33 +9,51 @@ use super::law::logistic;
 use super::select::{EffectSelection, held_out, select};
 use crate::diagnose::checks::two_sample_test::StructureTest;
 use crate::diagnose::fit::effect_scan::cannot_judge;
-use crate::diagnose::report::conclusion::residual_structure;
+use crate::diagnose::report::conclusion::{residual_structure, scores};
 use crate::diagnose::report::departure::{effect_of, upper_tail_probability};
 use crate::diagnose::report::diagnosis_report::DIAGNOSIS_SCHEMA;
+use crate::diagnose::report::heat_map::heat_maps_of;
 use crate::diagnose::sensor_wide::{SensorWideStatistics, sensor_wide_statistics};
 use crate::diagnose::{
     BaselineMismatch, ConfidenceInterval, Departure, Diagnosis, DiagnosisOptions, DiagnosisVerdict,
-    Evidence, FitReport, FittedEffect, HeldOutScores, NullReport, RejectedEffect, ResidualMismatch,
+    Evidence, FittedCamera, FittedEffect, HeatMap, NullReport, RejectedEffect, ResidualMismatch,
     ResidualStructureReport,
 };
+use evrig_core::effect_id::EffectId;
 use std::collections::BTreeMap;
 
 /// A mismatch below this is minor: 1 nat in twenty events.
 const MINOR_NATS_PER_EVENT: f64 = 0.05;
 
-/// Finds effects by the smooth likelihood; a second engine beside
-/// [`diagnose`](crate::diagnose::diagnose).
+/// A diagnosis, its maps, and the cameras without and with the named effects; no camera where the
+/// generator cannot represent one.
+#[derive(Debug, Clone)]
+pub struct SmoothDiagnosis {
+    /// The diagnosis.
+    pub diagnosis: Diagnosis,
+    /// Maps of the misfit.
+    pub heat: Vec<HeatMap>,
+    /// The calibrated camera.
+    pub baseline: Option<FittedCamera>,
+    /// The camera with the named effects.
+    pub camera: Option<FittedCamera>,
+}
+
+/// Finds effects by the smooth likelihood.
+///
+/// `departures` are differences between frames and statement that the evidence's signal includes.
+/// `progress` receives the name of each step.
 #[must_use]
 pub fn diagnose_smooth(
     evidence: &Evidence,
     departures: &[Departure],
     options: &DiagnosisOptions,
     progress: &mut dyn FnMut(&str),
-) -> Diagnosis {
+) -> SmoothDiagnosis {
     let sensor = sensor_wide_statistics(evidence);
     let evidence = sensor.rest.as_ref().unwrap_or(evidence);
     let max_effects = if sensor.is_saturated { 0 } else { options.max_effects };
-    let found = select(evidence, max_effects, progress);
+    let found = select(evidence, max_effects, options.seed, progress);
     progress("errors");
     let findings = Findings::of(evidence, &found);
     progress("two-sample test");
@@ -48,90 +67,94 @@ fn conclude(
     findings: Findings,
     found: &EffectSelection,
     seed: u64,
-) -> Diagnosis {
+) -> SmoothDiagnosis {
     let Findings { effects: named, baseline, errors } = findings;
-    let [before, after] = [&baseline, &found.fit].map(|f| GoodnessOfFit::of(evidence, f, seed));
+    let [mut before, mut after] =
+        [&baseline, &found.fit].map(|f| GoodnessOfFit::of(evidence, f, seed));
     let low = held_out(evidence, &baseline.evaluation);
     let high = held_out(evidence, &found.fit.evaluation);
     let upper_bound =
         (low + before.recalibration.gain).max(high + after.recalibration.gain.max(0.0)).max(high);
     let excess = upper_bound - low;
-    let share = (excess > NEGLIGIBLE_NATS_PER_EVENT).then(|| (high - low) / excess);
+    let (removed, left) = ((high - low).max(0.0), after.misfit());
+    let share = (removed + left > NEGLIGIBLE_NATS_PER_EVENT).then(|| removed / (removed + left));
     let verdict = verdict(named.is_empty(), share, &after);
-    let is_named =
-        matches!(verdict, DiagnosisVerdict::Explained | DiagnosisVerdict::PartlyExplained);
-    let (named, rejected) = if is_named { (named, Vec::new()) } else { (Vec::new(), named) };
-    let (verdict, effects) = with_departures(verdict, departures, sensor, named);
+    let (named, rejected) =
+        if verdict.names_effects() { (named, Vec::new()) } else { (Vec::new(), named) };
+    let effects = with_departures(departures.iter().chain(&sensor.departures), named);
+    let deficit = sensor.isolated_events.as_ref();
+    let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
+    let verdict = verdict.combined_with(false, deficit.is_some(), is_departed);
+    let strata = |fit: &GoodnessOfFit| {
+        deficit.iter().map(|deficit| deficit.place.clone()).chain(fit.strata()).collect()
+    };
+    let maps = [&mut before, &mut after].map(|fit| std::mem::take(&mut fit.by_pixel));
+    let heat = heat_maps_of(evidence, &maps);
+    let fitted: Vec<EffectId> = found.steps.iter().map(|step| step.id).collect();
+    let [bare, camera] = [(&baseline, &[][..]), (&found.fit, &effects[..])]
+        .map(|(fit, named)| fitted_camera(evidence, &fit.model, named, &fitted));
     let p_value = |gain: f64, error: f64| {
         if error > 0.0 { upper_tail_probability(gain / error) } else { 1.0 }
     };
-    Diagnosis {
+    let diagnosis = Diagnosis {
         schema: DIAGNOSIS_SCHEMA.into(),
         verdict,
         mismatch: BaselineMismatch {
             excess_nats_per_event: excess,
             p_value: p_value(before.recalibration.gain, before.recalibration.error),
-            strata: before.strata(),
+            strata: strata(&before),
         },
         effects,
         nuisances: constants(evidence, &found.fit, &errors, found.spread_ci),
-        fit: FitReport {
-            heldout_nats_per_event: HeldOutScores {
-                baseline: low,
-                r#final: high,
-                upper_bound,
-                upper_bound_source: "hazard_recalibration".into(),
-            },
-            share_of_excess_removed: share,
-            forward_simulation: BTreeMap::new(),
-        },
+        at_range_end: at_range_end(evidence, &found.fit).iter().map(|c| c.key().0.into()).collect(),
+        fit: scores([low, high, upper_bound], share),
         residual_mismatch: ResidualMismatch {
             excess_nats_per_event: upper_bound - high,
             p_value: p_value(after.recalibration.gain, after.recalibration.error),
-            strata: after.strata(),
+            strata: strata(&after),
         },
-        proposed_term: after.structure.as_ref().and_then(StructureTest::hazard_term),
+        proposed_term: deficit
+            .map(|deficit| deficit.term.clone())
+            .or_else(|| after.structure.as_ref().and_then(StructureTest::hazard_term)),
         next_recording: None,
         cannot_judge: cannot_judge(evidence, sensor.is_saturated),
         rejected_effects: rejected.into_iter().map(rejected_effect).collect(),
         split_half: Vec::new(),
         stamp_step_us: evidence.facts.stamp_step_us,
-        structure: before.structure.as_ref().zip(after.structure.as_ref()).map(|(a, b)| {
-            ResidualStructureReport {
-                baseline: residual_structure(a),
-                r#final: residual_structure(b),
-            }
-        }),
-        null: NullReport {
-            threshold_nats_per_event: NEGLIGIBLE_NATS_PER_EVENT,
-            ..NullReport::default()
-        },
+        structure: structure_report(&before, &after),
+        null: no_null_draws(),
         n_pixels: evidence.pixels.len(),
         n_events: evidence.n_events(),
-    }
+    };
+    SmoothDiagnosis { diagnosis, heat, baseline: bare, camera }
+}
+
+fn structure_report(
+    before: &GoodnessOfFit,
+    after: &GoodnessOfFit,
+) -> Option<ResidualStructureReport> {
+    let (baseline, last) = (before.structure.as_ref()?, after.structure.as_ref()?);
+    Some(ResidualStructureReport {
+        baseline: residual_structure(baseline),
+        r#final: residual_structure(last),
+    })
+}
+
+/// The level is that of the paired test.
+fn no_null_draws() -> NullReport {
+    NullReport { threshold_nats_per_event: NEGLIGIBLE_NATS_PER_EVENT, ..NullReport::default() }
 }
 
 /// Adds the effects that frames and sensor-wide statistics show; fitted ones take precedence.
-fn with_departures(
-    verdict: DiagnosisVerdict,
-    departures: &[Departure],
-    sensor: &SensorWideStatistics,
+fn with_departures<'a>(
+    departures: impl Iterator<Item = &'a Departure>,
     named: Vec<FittedEffect>,
-) -> (DiagnosisVerdict, Vec<FittedEffect>) {
-    let beside = departures.iter().chain(&sensor.departures);
+) -> Vec<FittedEffect> {
     let mut effects: Vec<FittedEffect> =
-        beside.map(|departure| effect_of(departure, (0.0, 0.0))).collect();
+        departures.map(|departure| effect_of(departure, (0.0, 0.0))).collect();
     effects.retain(|effect| named.iter().all(|other| other.id != effect.id));
-    let verdict = match verdict {
-        _ if effects.is_empty() => verdict,
-        DiagnosisVerdict::NoMismatch | DiagnosisVerdict::MinorMismatch => {
-            DiagnosisVerdict::Explained
-        }
-        DiagnosisVerdict::Unexplained => DiagnosisVerdict::PartlyExplained,
-        other => other,
-    };
     effects.extend(named);
-    (verdict, effects)
+    effects
 }
 
 fn rejected_effect(effect: FittedEffect) -> RejectedEffect {
@@ -157,6 +180,16 @@ fn verdict(names_nothing: bool, share: Option<f64>, after: &GoodnessOfFit) -> Di
     }
 }
 
+/// Constants at an end of their ordinary range.
+fn at_range_end(evidence: &Evidence, fit: &ModelFit) -> Vec<CameraConstant> {
+    let coordinates = fit.model.coordinates(evidence);
+    let is_held = |c: &CameraConstant| {
+        let ([low, high], value) = (coordinates[*c as usize].range, fit.model.constant(*c));
+        coordinates[*c as usize].sd > 0.0 && (value <= low || value >= high)
+    };
+    CameraConstant::ALL.iter().copied().filter(is_held).collect()
+}
+
 /// Fitted constants by key, in reported units.
 fn constants(
     evidence: &Evidence,
@@ -165,6 +198,7 @@ fn constants(
     spread: [f64; 3],
 ) -> BTreeMap<String, ConfidenceInterval> {
     let is_fitted = |c: &CameraConstant| c.prior(&evidence.facts).sd > 0.0;
+    let held = at_range_end(evidence, fit);
     let one = |c: CameraConstant| {
         let natural = |v: f64| match c.key().1 {
             ReportedAs::Value => v,
@@ -172,7 +206,8 @@ fn constants(
             ReportedAs::Logistic => logistic(v),
             ReportedAs::OnePlus => 1.0 + v,
         };
-        let value = interval(fit.model.constant(c), errors[c as usize], natural);
+        let error = if held.contains(&c) { f64::INFINITY } else { errors[c as usize] };
+        let value = interval(fit.model.constant(c), error, natural);
         (c.key().0.to_owned(), value)
     };
     let mut all: BTreeMap<String, ConfidenceInterval> =

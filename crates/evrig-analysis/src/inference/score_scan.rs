@@ -1,41 +1,59 @@
 //! Efficient score test of an effect: one evaluation per trial.
 
-use super::fit::{ModelEvaluation, stepped};
-use super::model::{CameraModel, PixelTerms, score_view};
+use super::fit::{ModelEvaluation, inverse_of, stepped};
+use super::model::{CameraModel, PixelTerms, score_view, train_blocks};
+use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, RowDVector};
 use rayon::prelude::*;
+
+/// Gain of a trial in nats.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub(crate) enum ScanGain {
+    /// Of a step towards it, to first order; the trial itself is a loss.
+    Predicted(f64),
+    /// Of the trial as it is, which is better than any prediction.
+    Reached(f64),
+}
+
+impl ScanGain {
+    pub(crate) fn nats(self) -> f64 {
+        match self {
+            Self::Predicted(nats) | Self::Reached(nats) => nats,
+        }
+    }
+}
 
 /// How much a first-order step along an effect would gain on the training cells, given that the
 /// constants follow (efficient score).
-pub(crate) struct ScoreScan {
+pub(crate) struct ScoreScan<'a> {
+    evidence: &'a Evidence,
+    model: CameraModel,
+    views: Vec<ModelledPixel<'a>>,
     /// Derivatives of the log hazards of training events, by active coordinate.
     rows: Vec<DMatrix<f64>>,
-    inverse: DMatrix<f64>,
+    information: DMatrix<f64>,
+    active: Vec<usize>,
     base: ModelEvaluation,
 }
 
-impl ScoreScan {
-    pub(crate) fn new(evidence: &Evidence, model: &CameraModel) -> Self {
+impl<'a> ScoreScan<'a> {
+    pub(crate) fn new(evidence: &'a Evidence, model: &CameraModel) -> Self {
         let coordinates = model.coordinates(evidence);
-        let active: Vec<usize> =
-            (0..model.values.len()).filter(|i| coordinates[*i].sd > 0.0).collect();
-        let all: Vec<(DMatrix<f64>, PixelTerms)> = (0..evidence.pixels.len())
+        let active = CameraModel::active(&coordinates);
+        let all: Vec<(DMatrix<f64>, (PixelTerms, ModelledPixel<'a>))> = (0..evidence.pixels.len())
             .into_par_iter()
             .map(|p| {
                 let view = model.view(evidence, p, None);
                 let base = score_view(evidence, p, &view);
-                let signal = view.signal;
-                let mut rows = DMatrix::zeros(active.len(), base.log_hazard.len());
+                let train = train_blocks(evidence, p);
+                let mut rows = DMatrix::zeros(active.len(), base.n_events());
                 for (j, &at) in active.iter().enumerate() {
-                    let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &signal);
-                    for (i, (a, b)) in moved.log_hazard.iter().zip(&base.log_hazard).enumerate() {
-                        if is_train(evidence, p, usize::from(base.block[i])) {
-                            rows[(j, i)] = (a - b) / h;
-                        }
-                    }
+                    let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &view);
+                    let (row, _) = moved.derivative(&base, h, &train);
+                    rows.set_row(j, &RowDVector::from_vec(row));
                 }
-                (rows, base)
+                (rows, (base, view))
             })
             .collect();
         let k = active.len();
@@ -49,45 +67,81 @@ impl ScoreScan {
                 information[(j, j)] += 1.0 / (c.sd * c.sd);
             }
         }
-        let inverse =
-            information.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(k, k) * 0.0);
-        let (rows, pixels) = all.into_iter().unzip();
-        Self { rows, inverse, base: ModelEvaluation { pixels } }
+        let (rows, terms): (_, Vec<_>) = all.into_iter().unzip();
+        let (pixels, views) = terms.into_iter().unzip();
+        let base = ModelEvaluation { pixels };
+        Self { evidence, model: model.clone(), views, rows, information, active, base }
     }
 
-    /// Gain in nats on the training cells: of the trial as it is, or predicted for a step towards it
-    /// no longer than the trial, whichever is more.
-    pub(crate) fn gain(&self, evidence: &Evidence, trial: &CameraModel) -> f64 {
-        let there = ModelEvaluation::of(evidence, trial);
-        let k = self.inverse.nrows();
-        let (mut u, mut own, mut actual) = (0.0, 0.0, 0.0);
-        let mut cross = DVector::zeros(k);
+    /// Terms under a trial; the signal is not computed again where the trial leaves it.
+    pub(super) fn evaluate(&self, trial: &CameraModel) -> ModelEvaluation {
+        let coordinates = trial.coordinates(self.evidence);
+        let keeps = trial.has_signal_of(&self.model, &coordinates);
+        let one = |p| trial.score(self.evidence, p, keeps.then(|| &self.views[p]));
+        let pixels = (0..self.views.len()).into_par_iter().map(one).collect();
+        ModelEvaluation { pixels }
+    }
+
+    /// Coordinates that are fitted.
+    pub(super) fn active(&self) -> &[usize] {
+        &self.active
+    }
+
+    /// Inverse information of those but some, which do not follow.
+    pub(super) fn inverse_without(&self, own: &[usize]) -> DMatrix<f64> {
+        let k = self.active.len();
+        let kept: Vec<usize> = (0..k).filter(|j| !own.contains(&self.active[*j])).collect();
+        inverse_of(&self.information, &kept).unwrap_or_else(|| DMatrix::zeros(k, k))
+    }
+
+    /// Information that the fitted coordinates and a step away from `base` share, per unit of the
+    /// step.
+    pub(super) fn cross_information(
+        &self,
+        moved: &ModelEvaluation,
+        base: &ModelEvaluation,
+        step: f64,
+    ) -> DVector<f64> {
+        let (derivative, _) = moved.derivative(self.evidence, base, step);
+        let mut cross = DVector::zeros(self.active.len());
+        for (rows, derivative) in self.rows.iter().zip(derivative) {
+            cross += rows * DVector::from_vec(derivative);
+        }
+        cross
+    }
+
+    /// Gain in nats on the training cells of a trial, which differs in `own`.
+    pub(crate) fn gain(&self, trial: &CameraModel, own: &[usize]) -> ScanGain {
+        let evidence = self.evidence;
+        let there = self.evaluate(trial);
+        let inverse = self.inverse_without(own);
+        let (mut u, mut square, mut actual) = (0.0, 0.0, 0.0);
+        let mut cross = DVector::zeros(self.active.len());
         for (p, (a, b)) in there.pixels.iter().zip(&self.base.pixels).enumerate() {
-            for (i, (x, y)) in a.log_hazard.iter().zip(&b.log_hazard).enumerate() {
-                if is_train(evidence, p, usize::from(b.block[i])) {
-                    actual += x - y;
-                    let d = (x - y).clamp(-2.0, 2.0);
-                    u += d;
-                    own += d * d;
-                    cross += self.rows[p].column(i) * d;
-                }
+            let train = train_blocks(evidence, p);
+            for (i, _, change) in a.changes(b).filter(|(_, block, _)| train[*block]) {
+                actual += change;
+                let d = change.clamp(-2.0, 2.0);
+                u += d;
+                square += d * d;
+                cross += self.rows[p].column(i) * d;
             }
-            for (block, (x, y)) in a.compensator.iter().zip(&b.compensator).enumerate() {
-                if is_train(evidence, p, block) {
-                    u -= x - y;
-                    actual -= x - y;
-                }
+            for ((x, y), _) in
+                a.compensator.iter().zip(&b.compensator).zip(&train).filter(|(_, train)| **train)
+            {
+                u -= x - y;
+                actual -= x - y;
             }
         }
         // To second order the compensator contains half the information.
-        u += 0.5 * own;
+        u += 0.5 * square;
         let left =
-            (own - (cross.transpose() * &self.inverse * &cross)[(0, 0)]).max(1e-3 * own).max(1e-9);
+            (square - (cross.transpose() * inverse * &cross)[(0, 0)]).max(1e-3 * square).max(1e-9);
         let step = (u / left).clamp(0.0, 1.0);
-        actual.max(step * u - 0.5 * step * step * left)
+        if actual > 0.0 {
+            ScanGain::Reached(actual)
+        } else {
+            ScanGain::Predicted(step * u - 0.5 * step * step * left)
+        }
     }
-}
-
-fn is_train(evidence: &Evidence, p: usize, block: usize) -> bool {
-    !evidence.is_held_out(evidence.pixels[p].tile, block)
 }

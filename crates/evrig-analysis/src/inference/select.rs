@@ -1,25 +1,35 @@
 //! Forward selection of effects by held-out log-likelihood.
 
+use super::candidate::EffectCandidate;
 use super::constants::CameraConstant;
-use super::effects::{EFFECTS, ModelEffect};
-use super::fit::{ModelEvaluation, ModelFit, fit, paired_gain};
-use super::goodness::{NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS};
+use super::fit::{FitTolerance, ModelEvaluation, ModelFit, fit, fit_coordinates, paired_gain};
+use super::goodness::{GoodnessOfFit, NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS};
 use super::model::CameraModel;
-use super::score_scan::ScoreScan;
+use super::profile::fit_profile;
+use super::score_scan::{ScanGain, ScoreScan};
 use super::spread;
 use crate::diagnose::Evidence;
+use evrig_core::effect_id::EffectId;
+use std::cmp::Ordering;
+use std::collections::BTreeSet;
 
-/// Effects fitted per round, best by the score scan first (work budget).
-const N_CANDIDATES: usize = 3;
+/// Effects fitted per round with a wide noise, best by the score scan first, and with the fitted one
+/// (work budget).
+const N_CANDIDATES: [usize; 2] = [5, 3];
 
-/// Optimizer steps: constants, an effect with the constants, and after a change of the thresholds.
-const N_STEPS: [usize; 3] = [15, 12, 5];
+/// Optimizer steps with a part of the pixels, and with all.
+const N_STEPS: [usize; 2] = [10, 4];
 
 /// Rounds of thresholds and constants.
 const N_SPREAD_ROUNDS: usize = 2;
 
-/// Optimizer steps of a start.
-const N_START_STEPS: usize = 1;
+/// Optimizer steps of a start, and of an effect along its profile.
+const N_START_STEPS: usize = 4;
+const N_PROFILE_STEPS: usize = 8;
+
+/// Pixels of the first calibration, and of every other coarse fit; all pixels refine it.
+const N_START_PIXELS: usize = 30;
+const N_COARSE_PIXELS: usize = 60;
 
 /// Gain of a scanned effect in nats below which no fit is tried.
 const MIN_SCAN_GAIN_NATS: f64 = 3.0;
@@ -27,12 +37,13 @@ const MIN_SCAN_GAIN_NATS: f64 = 3.0;
 /// An accepted effect.
 #[derive(Debug, Clone)]
 pub(crate) struct SelectionStep {
-    pub(crate) effect: &'static ModelEffect,
+    pub(crate) candidate: EffectCandidate,
+    pub(crate) id: EffectId,
     /// Held-out gain, nats per event, and its standard error.
     pub(crate) gain: f64,
     pub(crate) error: f64,
     /// Effects fitted in its place, their gains and errors.
-    pub(crate) others: Vec<(&'static ModelEffect, f64, f64)>,
+    pub(crate) others: Vec<(EffectId, f64, f64)>,
 }
 
 /// The calibrated camera, and the model with the accepted effects.
@@ -47,7 +58,8 @@ pub(crate) struct EffectSelection {
 
 /// A fitted candidate.
 struct FittedCandidate {
-    effect: &'static ModelEffect,
+    candidate: EffectCandidate,
+    id: EffectId,
     gain: f64,
     error: f64,
     fit: ModelFit,
@@ -63,88 +75,199 @@ pub(crate) fn is_significant((gain, error): (f64, f64)) -> bool {
     gain > NEGLIGIBLE_NATS_PER_EVENT && gain > SIGNIFICANT_STANDARD_ERRORS * error
 }
 
-/// Adds effects while their held-out gain is significant; then removes those that the others
+/// Adds effects while a test doubts the model and their held-out gain is significant; then removes those that the others
 /// replace.
 pub(crate) fn select(
     evidence: &Evidence,
     max_effects: usize,
+    seed: u64,
     progress: &mut dyn FnMut(&str),
 ) -> EffectSelection {
     progress("calibration");
-    let mut now = fit(evidence, at_best_offset(evidence), N_STEPS[0]);
-    let mut spread_ci = [0.0; 3];
-    for _ in 0..N_SPREAD_ROUNDS {
-        (now, spread_ci) = with_spread(evidence, &now);
-    }
+    let mut now = refit(evidence, &CameraModel::baseline(evidence));
+    let mut spread_ci;
+    (now, spread_ci) = with_spread(evidence, now);
     let calibrated = now.clone();
     let mut steps = Vec::new();
-    while steps.len() < max_effects {
+    while steps.len() < max_effects && GoodnessOfFit::of(evidence, &now, seed).is_doubted() {
         progress("effects");
-        let mut tried = best_candidates(evidence, &now);
-        if !tried.first().is_some_and(FittedCandidate::is_significant) {
-            break;
-        }
-        let FittedCandidate { effect, gain, error, fit } = tried.remove(0);
-        progress(&format!("{} is accepted", effect.id));
-        let others = tried.iter().map(|c| (c.effect, c.gain, c.error)).collect();
-        (now, spread_ci) = with_spread(evidence, &fit);
-        steps.push(SelectionStep { effect, gain, error, others });
+        let Some((step, fit)) = accepted(evidence, best_candidates(evidence, &now)) else { break };
+        progress(&format!("{} is accepted", step.id));
+        (now, spread_ci) = with_spread(evidence, fit);
+        steps.push(step);
     }
     let (fit, steps) = without_replaced(evidence, now, steps);
     EffectSelection { calibrated, fit, steps, spread_ci }
 }
 
-/// Clock offsets at which the calibration starts, microseconds: the likelihood has several maxima
-/// where an edge meets the events of its neighbour.
-const START_OFFSETS_US: [f64; 9] = [0.0, 2e3, -2e3, 5e3, -5e3, 10e3, -10e3, 20e3, -20e3];
-
-/// Threshold noise of the starts, in thresholds: wide, so that every start sees its maximum.
-const START_NOISE: f64 = 0.15;
-
-/// Constants at their prior means and the offset of the best start.
-fn at_best_offset(evidence: &Evidence) -> CameraModel {
-    let starts = START_OFFSETS_US.map(|us| {
-        let mut model = CameraModel::baseline(evidence);
-        model.values[CameraConstant::OffsetUs as usize] = us;
-        model.values[CameraConstant::LogNoise as usize] = START_NOISE.ln();
-        let started = fit(evidence, model, N_START_STEPS);
-        (started.training(evidence), started.model)
-    });
-    let best = starts.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or_else(|| CameraModel::baseline(evidence), |(_, model)| model)
-}
-
-fn with_spread(evidence: &Evidence, now: &ModelFit) -> (ModelFit, [f64; 3]) {
-    let (model, interval) = spread::estimate(evidence, &now.model);
-    (fit(evidence, model, N_STEPS[2]), interval)
-}
-
-/// Fits of the effects with the largest predicted gains, best held-out gain first. An effect with a
-/// parameter at the end of its range imitates something else.
-fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> {
-    let scan = ScoreScan::new(evidence, &now.model);
-    let is_new = |effect: &&ModelEffect| now.model.effects.iter().all(|own| own.id != effect.id);
-    let mut scanned: Vec<(f64, &'static ModelEffect, CameraModel)> = Vec::new();
-    for effect in EFFECTS.iter().filter(is_new) {
-        let trials = (effect.starts)(evidence).into_iter().map(|start| {
-            let trial = now.model.with(effect, &start);
-            (scan.gain(evidence, &trial), effect, trial)
-        });
-        scanned.extend(trials.max_by(|a, b| a.0.total_cmp(&b.0)));
+/// The best significant candidate, fitted with all constants.
+fn accepted(
+    evidence: &Evidence,
+    mut tried: Vec<FittedCandidate>,
+) -> Option<(SelectionStep, ModelFit)> {
+    while tried.first().is_some_and(FittedCandidate::is_significant) {
+        let (best, fitted) = best_of_rivals(evidence, &tried);
+        let FittedCandidate { candidate, id, gain, error, .. } = tried.remove(best);
+        let fit = refined(evidence, fitted);
+        if !candidate.is_refused(evidence, &fit.model) {
+            let others = tried.iter().map(|c| (c.id, c.gain, c.error)).collect();
+            return Some((SelectionStep { candidate, id, gain, error, others }, fit));
+        }
     }
-    scanned.sort_by(|a, b| b.0.total_cmp(&a.0));
-    scanned.retain(|(gain, ..)| *gain > MIN_SCAN_GAIN_NATS);
-    let mut tried: Vec<FittedCandidate> = scanned
-        .into_iter()
-        .take(N_CANDIDATES)
-        .map(|(_, effect, trial)| {
-            let fit = fit(evidence, trial, N_STEPS[1]);
-            let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation, true);
-            FittedCandidate { effect, gain, error, fit }
+    None
+}
+
+/// Share of the largest gain from which a candidate rivals the best one: a profile, in which the
+/// constants follow to first order, orders gains to about a quarter.
+const RIVAL_SHARE: f64 = 0.75;
+
+/// The best of the candidates with nearly the largest gain, each fitted with all constants to a part
+/// of the pixels.
+fn best_of_rivals(evidence: &Evidence, tried: &[FittedCandidate]) -> (usize, ModelFit) {
+    let part = evidence.thinned(coarse(evidence));
+    let is_rival = |(_, c): &(usize, &FittedCandidate)| {
+        c.is_significant() && c.gain >= RIVAL_SHARE * tried[0].gain
+    };
+    let rivals = tried.iter().enumerate().filter(is_rival);
+    let fitted = rivals.map(|(index, c)| (index, fit_part(&part, &c.fit.model)));
+    let score = |fit: &ModelFit| held_out(&part, &fit.evaluation);
+    let best = fitted.max_by(|a, b| score(&a.1).total_cmp(&score(&b.1)));
+    best.unwrap_or_else(|| (0, fit_part(&part, &tried[0].fit.model)))
+}
+
+/// Threshold noise of a search, in thresholds: wide against the innovations that an effect causes,
+/// so that the likelihood has one maximum. The fitted noise follows (graduated optimization).
+const WIDE_NOISE: f64 = 0.15;
+
+/// Every `n`-th pixel, so that a coarse number of them is left.
+fn coarse(evidence: &Evidence) -> usize {
+    (evidence.pixels.len() / N_COARSE_PIXELS).max(1)
+}
+
+/// Fits a model whose effects alone are known to a part of the pixels, with equal thresholds: a wide
+/// noise first, then the fitted one.
+fn fit_part(part: &Evidence, start: &CameraModel) -> ModelFit {
+    let mut wide = start.with_constants_of(&wide_start(part)).for_pixels(part);
+    wide.pin(CameraConstant::LogNoise, WIDE_NOISE.ln());
+    let mut free = fit(part, wide, N_STEPS[0], FitTolerance::Coarse).model;
+    free.limit(part, &[CameraConstant::LogNoise]);
+    fit(part, free, N_STEPS[0], FitTolerance::Coarse)
+}
+
+/// A fit to all pixels from that to a part of them.
+fn refined(evidence: &Evidence, coarse: ModelFit) -> ModelFit {
+    fit(evidence, coarse.model.for_pixels(evidence), N_STEPS[1], FitTolerance::Coarse)
+}
+
+/// A fit of a model whose effects alone are known.
+fn refit(evidence: &Evidence, start: &CameraModel) -> ModelFit {
+    refined(evidence, fit_part(&evidence.thinned(coarse(evidence)), start))
+}
+
+/// Constants at their prior means, with the threshold and a wide noise fitted.
+fn wide_start(evidence: &Evidence) -> CameraModel {
+    const FITTED: [CameraConstant; 3] =
+        [CameraConstant::LogTheta, CameraConstant::LogNoise, CameraConstant::OffsetUs];
+    let part = evidence.thinned(evidence.pixels.len() / N_START_PIXELS);
+    let mut model = CameraModel::baseline(&part);
+    model.values[CameraConstant::LogNoise as usize] = WIDE_NOISE.ln();
+    let active = FITTED.map(|constant| constant as usize).to_vec();
+    fit_coordinates(&part, model, active, N_START_STEPS, FitTolerance::Coarse)
+        .model
+        .for_pixels(evidence)
+}
+
+fn with_spread(evidence: &Evidence, mut now: ModelFit) -> (ModelFit, [f64; 3]) {
+    let mut spread_ci = [0.0; 3];
+    for _ in 0..N_SPREAD_ROUNDS {
+        let (model, interval) = spread::estimate(evidence, &now.model);
+        now = fit(evidence, model, N_STEPS[1], FitTolerance::Fine);
+        spread_ci = interval;
+    }
+    (now, spread_ci)
+}
+
+/// A model with a wide noise, and the pixels that it is fitted to.
+fn widened(evidence: &Evidence, now: &CameraModel) -> (Evidence, ModelFit) {
+    let n = coarse(evidence);
+    let part = evidence.thinned(n);
+    let mut model = now.thinned(n);
+    let noise = model.constant(CameraConstant::LogNoise).max(WIDE_NOISE.ln());
+    model.pin(CameraConstant::LogNoise, noise);
+    let fitted = fit(&part, model, N_STEPS[1], FitTolerance::Coarse);
+    (part, fitted)
+}
+
+/// The best start of each candidate, the largest gain first.
+fn scan_all(
+    part: &Evidence,
+    scan: &ScoreScan<'_>,
+    base: &CameraModel,
+) -> Vec<(ScanGain, EffectCandidate, CameraModel)> {
+    let mut scanned: Vec<(ScanGain, EffectCandidate, CameraModel)> = Vec::new();
+    for candidate in EffectCandidate::beyond(base) {
+        let trials = candidate.starts(part, base).into_iter().map(|trial| {
+            let gain = scan.gain(&trial, &candidate.own(&trial));
+            (gain, candidate, trial)
+        });
+        scanned.extend(trials.max_by(|a, b| a.0.partial_cmp(&b.0).unwrap_or(Ordering::Equal)));
+    }
+    scanned.sort_by(|a, b| b.0.nats().total_cmp(&a.0.nats()));
+    scanned.retain(|(gain, ..)| gain.nats() > MIN_SCAN_GAIN_NATS);
+    scanned
+}
+
+/// Starts for the fits of this round: candidates that are better as they are, and those that a
+/// search with a wide noise finds.
+fn search(evidence: &Evidence, now: &ModelFit) -> Vec<(EffectCandidate, CameraModel)> {
+    let (part, wide) = widened(evidence, &now.model);
+    let base = now.model.thinned(coarse(evidence));
+    let near = scan_all(&part, &ScoreScan::new(&part, &base), &base);
+    let reached = near.into_iter().filter(|(gain, ..)| matches!(gain, ScanGain::Reached(_)));
+    let mut found: Vec<(EffectCandidate, CameraModel)> = reached
+        .take(N_CANDIDATES[1])
+        .map(|(_, candidate, trial)| {
+            let own = candidate.own(&trial);
+            (candidate, now.model.moved_as(&base, trial, &own))
         })
         .collect();
-    tried.retain(|candidate| !candidate.fit.model.is_at_bound());
+    let scan = ScoreScan::new(&part, &wide.model);
+    let mut scanned = scan_all(&part, &scan, &wide.model);
+    scanned.truncate(N_CANDIDATES[0]);
+    let before = wide.training(&part);
+    let mut fitted: Vec<(f64, EffectCandidate, CameraModel)> = scanned
+        .into_iter()
+        .map(|(_, candidate, trial)| {
+            let own = candidate.own(&trial);
+            let fit = fit_profile(&part, &scan, trial, &own, N_PROFILE_STEPS);
+            let gain = fit.training(&part) - before;
+            (gain, candidate, now.model.moved_as(&wide.model, fit.model, &own))
+        })
+        .collect();
+    fitted.retain(|(gain, ..)| *gain > MIN_SCAN_GAIN_NATS);
+    fitted.sort_by(|a, b| b.0.total_cmp(&a.0));
+    fitted.truncate(N_CANDIDATES[1]);
+    found.extend(fitted.into_iter().map(|(_, candidate, model)| (candidate, model)));
+    found
+}
+
+/// Fitted candidates, best held-out gain first.
+fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> {
+    let found = search(evidence, now);
+    let scan = ScoreScan::new(evidence, &now.model);
+    let refined = |(candidate, start): (EffectCandidate, CameraModel)| {
+        let own = candidate.own(&start);
+        let fit = fit_profile(evidence, &scan, start, &own, N_PROFILE_STEPS);
+        let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation, true);
+        let id = candidate.id(evidence, &fit.model);
+        let fitted = FittedCandidate { candidate, id, gain, error, fit };
+        (!candidate.is_refused(evidence, &fitted.fit.model)).then_some(fitted)
+    };
+    let mut tried: Vec<FittedCandidate> = found.into_iter().filter_map(refined).collect();
     tried.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    // The better start of each.
+    let mut ids = BTreeSet::new();
+    tried.retain(|fitted| ids.insert(fitted.id));
     tried
 }
 
@@ -157,8 +280,8 @@ fn without_replaced(
     let mut index = 0;
     while index + 1 < steps.len() {
         let mut model = now.model.clone();
-        model.remove_effect(index);
-        let without = fit(evidence, model, N_STEPS[1]);
+        steps[index].candidate.remove(evidence, &mut model);
+        let (without, _) = with_spread(evidence, refit(evidence, &model));
         let gain = paired_gain(evidence, &now.evaluation, &without.evaluation, true);
         if is_significant(gain) {
             (steps[index].gain, steps[index].error) = gain;

@@ -1,6 +1,7 @@
 //! Thresholds of the pixels by empirical Bayes.
 
-use super::model::CameraModel;
+use super::model::{CameraModel, train_blocks};
+use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ fn train_score(
     model: &CameraModel,
     p: usize,
     spread: [f64; 2],
-    signal: &[f64],
+    view: &ModelledPixel<'_>,
 ) -> f64 {
     let mut one = model.clone();
     one.spread = Arc::new({
@@ -29,26 +30,19 @@ fn train_score(
         v[p] = spread;
         v
     });
-    let s = one.score(evidence, p, Some(signal.to_vec()));
-    let tile = evidence.pixels[p].tile;
-    let train = |b: usize| !evidence.is_held_out(tile, b);
-    let events: f64 = s
-        .log_hazard
-        .iter()
-        .zip(&s.block)
-        .filter(|(_, b)| train(usize::from(**b)))
-        .map(|(l, _)| l)
-        .sum();
+    let s = one.score(evidence, p, Some(view));
+    let train = train_blocks(evidence, p);
+    let events: f64 = s.events().filter(|(block, _)| train[*block]).map(|(_, l)| l).sum();
     let silence: f64 =
-        s.compensator.iter().enumerate().filter(|(b, _)| train(*b)).map(|(_, c)| c).sum();
+        s.compensator.iter().zip(&train).filter(|(_, train)| **train).map(|(c, _)| c).sum();
     events - silence
 }
 
 /// Quadratic approximation around the present thresholds.
 fn quadratic(evidence: &Evidence, model: &CameraModel, p: usize) -> PixelThresholds {
     let at = model.spread[p];
-    let signal = model.view(evidence, p, None).signal;
-    let f = |dx: f64, dy: f64| train_score(evidence, model, p, [at[0] + dx, at[1] + dy], &signal);
+    let view = model.view(evidence, p, None);
+    let f = |dx: f64, dy: f64| train_score(evidence, model, p, [at[0] + dx, at[1] + dy], &view);
     let (h, zero) = (STEP, f(0.0, 0.0));
     let (xp, xm, yp, ym) = (f(h, 0.0), f(-h, 0.0), f(0.0, h), f(0.0, -h));
     let pp = f(h, h);

@@ -24,7 +24,7 @@ fn nearest(z: f64) -> ([f64; 2], f64) {
 }
 
 /// `ln(1 + e^z)` without overflow; relative error below 1e-11.
-pub(super) fn softplus(z: f64) -> f64 {
+pub(crate) fn softplus(z: f64) -> f64 {
     if z.abs() >= FAR {
         return if z > 0.0 { z } else { z.exp() };
     }
@@ -37,7 +37,7 @@ pub(super) fn softplus(z: f64) -> f64 {
 }
 
 /// `1 / (1 + e^-z)`; relative error below 1e-10.
-pub(super) fn logistic(z: f64) -> f64 {
+pub(crate) fn logistic(z: f64) -> f64 {
     if z.abs() >= FAR {
         return if z > 0.0 { 1.0 } else { z.exp() };
     }

@@ -92,9 +92,7 @@ pub(crate) fn conclude(
         [] => (before.gain, before.error),
         _ => model.cells.gain(&baseline.cells, CellSet::HeldOut),
     };
-    let is_named =
-        matches!(verdict, DiagnosisVerdict::Explained | DiagnosisVerdict::PartlyExplained);
-    let named = if is_named { effects(evidence, model, &taken) } else { Vec::new() };
+    let named = if verdict.names_effects() { effects(evidence, model, &taken) } else { Vec::new() };
     let effects = merge_effects(departures, named);
     let least = (0.02 * excess).max(0.002);
     Diagnosis {
@@ -108,6 +106,7 @@ pub(crate) fn conclude(
         next_recording: next_recording(&effects),
         effects,
         nuisances: nuisances(model),
+        at_range_end: Vec::new(),
         fit: scores([low, high, upper_bound], share),
         residual_mismatch: ResidualMismatch {
             excess_nats_per_event: upper_bound - high,
@@ -150,28 +149,35 @@ fn next_recording(effects: &[FittedEffect]) -> Option<String> {
 }
 
 impl DiagnosisVerdict {
+    /// Whether effects are reported as named.
+    pub(crate) fn names_effects(self) -> bool {
+        matches!(self, Self::Explained | Self::PartlyExplained)
+    }
+
     /// Combines the verdict with rejected effects, missing isolated events, and departures of the
     /// frames or the sensor-wide statistics.
-    fn combined_with(
+    pub(crate) fn combined_with(
         self,
         is_suspected: bool,
         are_missing: bool,
         testable_from_frames: bool,
     ) -> Self {
         let own = match self {
-            Self::NoMismatch if is_suspected || are_missing => Self::Unexplained,
+            Self::NoMismatch | Self::MinorMismatch if is_suspected || are_missing => {
+                Self::Unexplained
+            }
             Self::Explained if are_missing => Self::PartlyExplained,
             verdict => verdict,
         };
         match own {
-            Self::NoMismatch if testable_from_frames => Self::Explained,
+            Self::NoMismatch | Self::MinorMismatch if testable_from_frames => Self::Explained,
             Self::Unexplained if testable_from_frames => Self::PartlyExplained,
             verdict => verdict,
         }
     }
 }
 
-fn scores([baseline, r#final, upper_bound]: [f64; 3], share: Option<f64>) -> FitReport {
+pub(crate) fn scores([baseline, r#final, upper_bound]: [f64; 3], share: Option<f64>) -> FitReport {
     let upper_bound_source = "hazard_recalibration".into();
     FitReport {
         heldout_nats_per_event: HeldOutScores {

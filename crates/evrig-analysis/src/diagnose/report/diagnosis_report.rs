@@ -262,6 +262,10 @@ pub struct Diagnosis {
     pub effects: Vec<FittedEffect>,
     /// Nuisances of the final model by key.
     pub nuisances: BTreeMap<String, ConfidenceInterval>,
+    /// Keys of nuisances that lie at an end of their ordinary range, which has no interval: something
+    /// that the model lacks may pull them there.
+    #[serde(default)]
+    pub at_range_end: Vec<String>,
     /// Improvement of the model.
     pub fit: FitReport,
     /// Misfit of the final model.
@@ -301,6 +305,14 @@ impl Diagnosis {
     pub fn share_removed(&self) -> Option<f64> {
         let is_scored = !self.effects.iter().all(FittedEffect::is_beside_the_score);
         self.fit.share_of_excess_removed.filter(|_| is_scored)
+    }
+
+    /// Which nuisances lie at an end of their range, in a sentence; `None` where none does.
+    #[must_use]
+    pub fn range_ends(&self) -> Option<String> {
+        let keys = self.at_range_end.join(", ");
+        (!keys.is_empty())
+            .then(|| format!("At the end of the range that an ordinary camera has: {keys}."))
     }
 
     /// What a grid of time stamps implies, in a sentence; `None` without a grid.

@@ -43,11 +43,22 @@ pub struct HeatMap {
     pub n_events: Vec<u64>,
 }
 
-/// Residuals of each pixel's events, and its counts per time block.
-type ModelResiduals = Vec<(Vec<Residual>, Vec<BlockCounts>)>;
+/// Residuals of each pixel's events, and its recorded and expected events per time block.
+pub(crate) type ModelResiduals = Vec<(Vec<Residual>, Vec<[f64; 2]>)>;
 
 pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<HeatMap> {
-    let residuals = models.map(|model| residuals_by_pixel(evidence, model));
+    let of = |counts: BlockCounts| {
+        [f64::from(counts.on + counts.off), counts.expected_on + counts.expected_off]
+    };
+    let summed = models.map(|model| {
+        let pixels = residuals_by_pixel(evidence, model).into_iter();
+        pixels.map(|(events, blocks)| (events, blocks.into_iter().map(of).collect())).collect()
+    });
+    heat_maps_of(evidence, &summed)
+}
+
+/// Maps of the residuals of baseline and final model.
+pub(crate) fn heat_maps_of(evidence: &Evidence, residuals: &[ModelResiduals; 2]) -> Vec<HeatMap> {
     let [width, height] = evidence.middle.map(|middle| 2.0 * middle);
     let cell = width.max(height) / MAX_CELLS_PER_SIDE as f64;
     let sensor = [even(width, (width / cell).ceil()), even(height, (height / cell).ceil())];
@@ -61,17 +72,16 @@ pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<H
     let parts = |of: &dyn Fn(&Residual) -> f64| spanning(all.iter().map(|r| of(r)).collect());
     let past = [parts(&interval), parts(&rate)];
     let surplus = |axes, edges, at: &dyn Fn(&PixelEvidence, usize) -> [f64; 2]| {
-        map(axes, edges, HeatValue::Surplus, &residuals, &|residuals, add| {
+        map(axes, edges, HeatValue::Surplus, residuals, &|residuals, add| {
             for (pixel, (_, counts)) in evidence.pixels.iter().zip(residuals) {
-                for (block, one) in counts.iter().enumerate() {
-                    let real = f64::from(one.on + one.off);
-                    add(at(pixel, block), [real, one.expected_on + one.expected_off]);
+                for (block, pair) in counts.iter().enumerate() {
+                    add(at(pixel, block), *pair);
                 }
             }
         })
     };
     let innovation = |axes, edges, at: &dyn Fn(&Residual) -> [f64; 2]| {
-        map(axes, edges, HeatValue::Innovation, &residuals, &|residuals, add| {
+        map(axes, edges, HeatValue::Innovation, residuals, &|residuals, add| {
             for event in residuals.iter().flat_map(|(events, _)| events) {
                 event.innovation.into_iter().for_each(|late| add(at(event), [1.0, late]));
             }

@@ -6,7 +6,7 @@ use crate::inference::diagnose_smooth;
 /// Names and parameters that the smooth engine finds.
 fn diagnosed(id: Option<EffectId>, start: &[f64]) -> Diagnosis {
     let options = DiagnosisOptions { max_effects: 2, ..options() };
-    diagnose_smooth(&plant(id, start), &[], &options, &mut |_| {})
+    diagnose_smooth(&plant(id, start), &[], &options, &mut |_| {}).diagnosis
 }
 
 fn names(diagnosis: &Diagnosis) -> Vec<EffectId> {
