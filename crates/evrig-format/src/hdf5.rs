@@ -7,8 +7,10 @@
 mod blosc;
 mod dsec;
 mod stored;
+mod v2e;
 
 pub use dsec::{SideColumn, SideGroup, write_dsec};
+pub use v2e::write_v2e;
 
 use crate::StoredTable;
 use hdf5_pure::{AttrValue, Dataset, Datatype, File, Group};
