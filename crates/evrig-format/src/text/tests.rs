@@ -91,3 +91,13 @@ fn a_zipped_text_is_read_and_up_to_its_cut() {
     let expected: Vec<i64> = (0..n as i64).map(|i| i * 13 % 346).collect();
     assert_eq!(cut.columns[1].1, Column::Int(expected));
 }
+
+#[test]
+fn decimals_are_the_nearest_numbers() {
+    for text in ["0.1", "123456789.012345", "1.7", "999999999999.999", ".5", "5.", "1461581614.93"]
+    {
+        let found = table(&format!("t,x\n{text},1\n")).unwrap();
+        assert_eq!(found.columns[0].1, Column::Float(vec![text.parse().unwrap()]), "{text}");
+    }
+    assert!(table("t,x\n1,1\n.,1\n").is_err());
+}
