@@ -94,8 +94,18 @@ fn a_zipped_text_is_read_and_up_to_its_cut() {
 
 #[test]
 fn decimals_are_the_nearest_numbers() {
-    for text in ["0.1", "123456789.012345", "1.7", "999999999999.999", ".5", "5.", "1461581614.93"]
-    {
+    for text in [
+        "-0.25",
+        "0.000",
+        "0.1",
+        "123456789.012345",
+        "1234567890.123456789",
+        "1.7",
+        "999999999999.999",
+        ".5",
+        "5.",
+        "1461581614.93",
+    ] {
         let found = table(&format!("t,x\n{text},1\n")).unwrap();
         assert_eq!(found.columns[0].1, Column::Float(vec![text.parse().unwrap()]), "{text}");
     }
