@@ -9,7 +9,7 @@
 //! | txt | lines of t (s), x, y, p, as the Event-Camera Dataset | its readers |
 //! | zip | one text of lines of t (s), x, y, p below the sensor's size | rpg_e2vid |
 //! | aedat4 | events | DV, dv-processing |
-//! | raw | EVT 3.0 | Metavision, expelliarmus, faery |
+//! | raw | EVT 3.0 | Metavision, faery |
 //! | v2e | HDF5 in v2e's layout: `events` (N, 4), uint32 | readers of v2e |
 //! | ros2 | MCAP with event_camera_msgs/EventPacket | ROS 2, event_camera_py |
 //! | gif, mp4 | images of 20 ms | viewers; mp4 needs ffmpeg |

@@ -45,7 +45,7 @@ pub enum ExportFormatArg {
     Zip,
     /// AEDAT4, for DV and dv-processing
     Aedat4,
-    /// EVT 3.0, for Metavision, expelliarmus and faery
+    /// EVT 3.0, for Metavision and faery
     Raw,
     /// HDF5 in v2e's layout: events, uint32, N x 4: t (us), x, y, p
     V2e,
