@@ -56,7 +56,13 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     let frames = if request.frames.is_dir() {
         from_folder(request, &path)?
     } else if is_raw(request.frames) {
-        let raw_frames::RawArray { size, times, bits } = raw_frames::write_array(request, &path)?;
+        let given = raw_frames::RawFrameFile {
+            path: request.frames,
+            options: request.raw,
+            times: &request.times,
+            time_unit: request.frame_time_unit,
+        };
+        let raw_frames::RawArray { size, times, bits } = raw_frames::write_array(&given, &path)?;
         ImportedFrames { size, times, bits }
     } else {
         from_array(request, &path)?

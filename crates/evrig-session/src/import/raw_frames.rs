@@ -3,8 +3,8 @@
 //! The file's length must be a whole number of frames. Of the layouts that cameras write, those that
 //! give the stated number of frames are considered; where several do, none is assumed.
 
-use super::frame_times::{self, DecidedTimes};
-use super::frames::ImportFrames;
+use super::event_table::TimeUnit;
+use super::frame_times::{self, DecidedTimes, FrameTimes};
 use crate::SessionError;
 use evrig_core::geometry::Size;
 use evrig_format::npy::ArrayWriter;
@@ -117,6 +117,14 @@ struct FrameLayout {
     times: DecidedTimes,
 }
 
+/// A file of frames, and what is stated about it.
+pub(super) struct RawFrameFile<'a> {
+    pub(super) path: &'a Path,
+    pub(super) options: RawFrameOptions,
+    pub(super) times: &'a FrameTimes,
+    pub(super) time_unit: Option<TimeUnit>,
+}
+
 /// Frames that were written as an array.
 pub(super) struct RawArray {
     pub(super) size: Size,
@@ -125,25 +133,22 @@ pub(super) struct RawArray {
 }
 
 /// Writes the frames of a file into an array.
-pub(super) fn write_array(
-    request: &ImportFrames<'_>,
-    path: &Path,
-) -> Result<RawArray, SessionError> {
-    let wrong = |what: String| SessionError::import(request.frames, what);
-    let Some(size) = request.raw.size else {
+pub(super) fn write_array(given: &RawFrameFile<'_>, path: &Path) -> Result<RawArray, SessionError> {
+    let wrong = |what: String| SessionError::import(given.path, what);
+    let Some(size) = given.options.size else {
         let what = "holds frames without a description: give their --size, and --packing (8, raw10, \
                     raw12 or 16) and --stride (bytes of a row) where several fit";
         return Err(wrong(what.into()));
     };
     let io = SessionError::io;
-    let n_bytes = std::fs::metadata(request.frames).map_err(io(request.frames))?.len();
-    let mut layout = choose(request, size, n_bytes)?;
+    let n_bytes = std::fs::metadata(given.path).map_err(io(given.path))?.len();
+    let mut layout = choose(given, size, n_bytes)?;
     let FrameLayout { packing, row_bytes, stride, n, .. } = layout;
     layout.times.decisions.push(format!(
         "frames of {size} pixels, packing {packing}, rows of {stride} bytes: {n} frames are the \
          {n_bytes} bytes of the file; a colour sensor's mosaic is kept as it is"
     ));
-    let file = File::open(request.frames).map_err(io(request.frames))?;
+    let file = File::open(given.path).map_err(io(given.path))?;
     let mut reader = BufReader::with_capacity(1 << 20, file);
     let shape = [n, size.height.into(), size.width.into()];
     let mut row = vec![0; stride as usize];
@@ -159,7 +164,7 @@ pub(super) fn write_array(
     for _ in 0..n {
         samples.clear();
         for _ in 0..size.height {
-            reader.read_exact(&mut row).map_err(io(request.frames))?;
+            reader.read_exact(&mut row).map_err(io(given.path))?;
             packing.unpack(&row[..row_bytes as usize], &mut samples);
         }
         if let Some(writer) = &mut wide {
@@ -175,18 +180,14 @@ pub(super) fn write_array(
 }
 
 /// The only layout that fits the length of the file, the options and the times.
-fn choose(
-    request: &ImportFrames<'_>,
-    size: Size,
-    n_bytes: u64,
-) -> Result<FrameLayout, SessionError> {
-    let wrong = |what: String| SessionError::import(request.frames, what);
+fn choose(given: &RawFrameFile<'_>, size: Size, n_bytes: u64) -> Result<FrameLayout, SessionError> {
+    let wrong = |what: String| SessionError::import(given.path, what);
     let mut fitting: Vec<FrameLayout> = Vec::new();
     let mut times_error = None;
-    let wanted = request.raw.packing;
+    let wanted = given.options.packing;
     for packing in PACKINGS.into_iter().filter(|packing| wanted.is_none_or(|p| p == *packing)) {
         let Some(row_bytes) = packing.row_bytes(size.width.into()) else { continue };
-        let mut strides: Vec<u64> = match request.raw.stride {
+        let mut strides: Vec<u64> = match given.options.stride {
             Some(stride) => vec![stride.into()],
             None => ROW_ALIGNMENTS.map(|to| row_bytes.next_multiple_of(to)).to_vec(),
         };
@@ -197,7 +198,7 @@ fn choose(
                 continue;
             }
             let n = n_bytes / frame_bytes;
-            match frame_times::decide(&request.times, request.frame_time_unit, n, &[]) {
+            match frame_times::decide(given.times, given.time_unit, n, &[]) {
                 Ok(times) => {
                     fitting.push(FrameLayout { packing, row_bytes, stride, n, times });
                 }
@@ -232,8 +233,7 @@ fn choose(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::frame_times::FrameTimes;
-    use crate::import::{EventTableOptions, import_frames};
+    use crate::import::{EventTableOptions, ImportFrames, import_frames};
     use crate::{Manifest, StreamName};
     use evrig_format::npy::ArrayReader;
 

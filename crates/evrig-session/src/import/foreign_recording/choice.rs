@@ -129,7 +129,8 @@ impl StreamSurvey {
             let what = format!("has no stream `{topic}`; it has: {}", names.join(", "));
             return Err(SessionError::import(file, what));
         }
-        let camera = topic.rfind('/').map_or(topic, |end| &topic[..=end]);
+        // Names without a folder are those of a format of one camera.
+        let camera = topic.rfind('/').map_or("", |end| &topic[..=end]);
         let is_of_camera = |stream: &SurveyedStream| {
             let is_other = stream.source.kind == PayloadKind::Events && stream.source.name != topic;
             !is_other && stream.source.name.starts_with(camera)
