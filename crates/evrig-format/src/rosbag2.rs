@@ -1,7 +1,8 @@
 //! ROS 2 recordings in MCAP, of messages in CDR.
 //!
-//! Records are read in the order of the file, so that a file that was cut, and has no index, is read
-//! up to the cut.
+//! Records are framed here, in the order of the file, and parsed by the crate `mcap`: a file that was
+//! cut, and has no index, is read up to the cut, and a damaged chunk is passed over. The crate's own
+//! reader ends at the first damage and trusts the lengths inside chunks.
 
 mod write;
 
@@ -10,15 +11,17 @@ pub use write::write_packets;
 use crate::CameraFileError;
 use crate::recording::{RecordingNotes, RecordingSink};
 use crate::ros::{RosDecoder, RosWire};
-use mcap::records::Record;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{Record, op};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Longer records are damage; an image of 100 megapixels in colour has 300 MB.
-const MAX_RECORD_BYTES: usize = 1 << 30;
+const MAX_RECORD_BYTES: u64 = 1 << 30;
+
+/// Opcode and length in front of a record.
+const HEAD_BYTES: usize = 9;
 
 /// Whether the first bytes of a file are those of MCAP.
 #[must_use]
@@ -74,41 +77,86 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, CameraFileError> {
 impl McapState {
     fn read(&mut self, path: &Path, sink: &mut RecordingSink<'_>) -> Result<(), CameraFileError> {
         let io = CameraFileError::io;
-        let mut file = File::open(path).map_err(io(path))?;
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_validate_chunk_crcs(true)
-            .with_record_length_limit(MAX_RECORD_BYTES);
-        let mut reader = LinearReader::new_with_options(options);
-        let mut offset = 0_u64;
-        let mut is_ended = false;
-        while let Some(event) = reader.next_event() {
-            match event {
-                Ok(LinearReadEvent::ReadRequest(n)) => {
-                    let n_read = file.read(reader.insert(n)).map_err(io(path))?;
-                    reader.notify_read(n_read);
-                    offset += n_read as u64;
-                }
-                Ok(LinearReadEvent::Record { data, opcode }) => {
-                    match mcap::parse_record(opcode, data) {
-                        Ok(Record::Footer(_)) => is_ended = true,
-                        Ok(record) => self.take(record, sink)?,
-                        Err(error) => self.damaged(path, format!("a record: {error}")),
+        let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
+        let mut offset = mcap::MAGIC.len() as u64;
+        let mut body = Vec::new();
+        file.by_ref().take(offset).read_to_end(&mut body).map_err(io(path))?;
+        if body != mcap::MAGIC {
+            return Err(CameraFileError::format(path, "does not begin as an MCAP file"));
+        }
+        loop {
+            body.clear();
+            file.by_ref().take(HEAD_BYTES as u64).read_to_end(&mut body).map_err(io(path))?;
+            let Some((opcode, length)) = record_head(&body).filter(|h| h.1 <= MAX_RECORD_BYTES)
+            else {
+                let what = format!("the file is cut or damaged at byte {offset}");
+                self.damaged(path, what);
+                return Ok(());
+            };
+            body.clear();
+            let n = file.by_ref().take(length).read_to_end(&mut body).map_err(io(path))?;
+            let is_whole = n as u64 == length;
+            if !is_whole {
+                self.damaged(path, format!("the file is cut in the record at byte {offset}"));
+            }
+            match opcode {
+                op::FOOTER if is_whole => return Ok(()),
+                op::CHUNK => {
+                    if let Err(what) = self.take_chunk(path, &body, sink)? {
+                        self.damaged(path, format!("the chunk at byte {offset} {what}"));
                     }
                 }
-                Err(error) => {
-                    let what = format!("cut or damaged before byte {offset}: {error}");
-                    self.damaged(path, what);
-                    is_ended = true;
-                    break;
-                }
+                _ if is_whole => self.take_record(path, opcode, &body, sink)?,
+                _ => {}
+            }
+            if !is_whole {
+                return Ok(());
+            }
+            offset += HEAD_BYTES as u64 + length;
+        }
+    }
+
+    /// Takes the records of a chunk, those of a damaged one up to the damage.
+    fn take_chunk(
+        &mut self,
+        path: &Path,
+        chunk: &[u8],
+        sink: &mut RecordingSink<'_>,
+    ) -> Result<Result<(), String>, CameraFileError> {
+        let Some(parts) = ChunkParts::of(chunk) else {
+            return Ok(Err("has no whole header".into()));
+        };
+        let (plain, mut fault) = match parts.decompress() {
+            Ok((plain, fault)) => (plain, fault.map_or(Ok(()), Err)),
+            Err(what) => return Ok(Err(what)),
+        };
+        let mut rest = plain.as_slice();
+        while let Some((opcode, length)) = record_head(rest) {
+            let end = usize::try_from(length).ok().and_then(|n| n.checked_add(HEAD_BYTES));
+            let Some(record) = end.and_then(|end| rest.get(HEAD_BYTES..end)) else {
+                fault = fault.and(Err("holds a record that is not whole".to_owned()));
+                break;
+            };
+            self.take_record(path, opcode, record, sink)?;
+            rest = &rest[HEAD_BYTES + record.len()..];
+        }
+        Ok(fault)
+    }
+
+    fn take_record(
+        &mut self,
+        path: &Path,
+        opcode: u8,
+        body: &[u8],
+        sink: &mut RecordingSink<'_>,
+    ) -> Result<(), CameraFileError> {
+        match mcap::parse_record(opcode, body) {
+            Ok(record) => self.take(record, sink),
+            Err(error) => {
+                self.damaged(path, format!("a record: {error}"));
+                Ok(())
             }
         }
-        if !is_ended {
-            let what = format!("the file ends at byte {offset} without MCAP's footer: it was cut");
-            self.damaged(path, what);
-        }
-        Ok(())
     }
 
     /// Keeps the first damage.
@@ -154,5 +202,67 @@ impl McapState {
             _ => {}
         }
         Ok(())
+    }
+}
+
+/// Opcode and length of the record at the beginning of `bytes`.
+fn record_head(bytes: &[u8]) -> Option<(u8, u64)> {
+    let length = bytes.get(1..HEAD_BYTES)?.try_into().ok()?;
+    Some((bytes[0], u64::from_le_bytes(length)))
+}
+
+/// A chunk's header and its records as they are stored.
+struct ChunkParts<'a> {
+    n_plain: u64,
+    crc: u32,
+    compression: &'a [u8],
+    stored: &'a [u8],
+    /// Whether all of them are there.
+    is_whole: bool,
+}
+
+impl<'a> ChunkParts<'a> {
+    /// Two times, size, checksum, name of the compression, size as stored, records.
+    fn of(chunk: &'a [u8]) -> Option<Self> {
+        let long = |at: usize| Some(u64::from_le_bytes(chunk.get(at..at + 8)?.try_into().ok()?));
+        let word = |at: usize| Some(u32::from_le_bytes(chunk.get(at..at + 4)?.try_into().ok()?));
+        let (n_plain, crc, n_name) = (long(16)?, word(24)?, word(28)? as usize);
+        let at = 32_usize.checked_add(n_name)?;
+        let (compression, n_stored) = (chunk.get(32..at)?, long(at)?);
+        let stored = chunk.get(at + 8..)?;
+        let is_whole = stored.len() as u64 >= n_stored;
+        let stored = &stored[..stored.len().min(usize::try_from(n_stored).unwrap_or(usize::MAX))];
+        Some(Self { n_plain, crc, compression, stored, is_whole })
+    }
+
+    /// The plain records, and why they are not all, or not as they were written.
+    fn decompress(&self) -> Result<(Vec<u8>, Option<String>), String> {
+        let mut plain = Vec::new();
+        let limit = self.n_plain.min(MAX_RECORD_BYTES);
+        let text = |error: std::io::Error| format!("cannot be decompressed: {error}");
+        let read = match self.compression {
+            b"" | b"none" => self.stored.take(limit).read_to_end(&mut plain),
+            b"lz4" => {
+                lz4::Decoder::new(self.stored).map_err(text)?.take(limit).read_to_end(&mut plain)
+            }
+            b"zstd" => {
+                let decoder = zstd::Decoder::new(self.stored).map_err(text)?;
+                decoder.take(limit).read_to_end(&mut plain)
+            }
+            other => {
+                let name = String::from_utf8_lossy(other);
+                return Err(format!("is compressed with {name}, which is not read"));
+            }
+        };
+        let fault = match read {
+            _ if !self.is_whole => Some("is cut".to_owned()),
+            Err(error) => Some(text(error)),
+            Ok(_) if self.crc != 0 && crc32fast::hash(&plain) != self.crc => {
+                // What its messages would say is not known.
+                return Err("has another checksum than was written; it is left out".into());
+            }
+            Ok(_) => None,
+        };
+        Ok((plain, fault))
     }
 }

@@ -49,8 +49,8 @@ pub fn write_evt3(path: &Path, events: EventSlice<'_>, size: Size) -> std::io::R
     let first = events.t.first().copied().unwrap_or(0);
     let t0 = if (0..1 << 24).contains(&first) { 0 } else { first };
     let Size { width, height } = size;
-    write!(file, "% evt 3.0\n% format EVT3;height={height};width={width}\n")?;
-    write!(file, "% geometry {width}x{height}\n")?;
+    writeln!(file, "% evt 3.0\n% format EVT3;height={height};width={width}")?;
+    writeln!(file, "% geometry {width}x{height}")?;
     if t0 != 0 {
         writeln!(file, "% t0 {t0}")?;
     }

@@ -128,4 +128,37 @@ mod tests {
             assert!(cut.events.as_slice() == events.as_slice().range(0, n), "{n}");
         }
     }
+
+    #[test]
+    fn a_damaged_chunk_is_left_out_and_the_next_one_read() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let size = Size::new(640, 480);
+        let mut file = File::create(&path).unwrap();
+        let options = WriteOptions::new().compression(None).chunk_size(Some(2_000));
+        let mut writer = options.create(BufWriter::new(&mut file)).unwrap();
+        let schema =
+            writer.add_schema("event_camera_msgs/msg/EventPacket", "ros2msg", b"").unwrap();
+        let channel_id = writer.add_channel(schema, "/e", "cdr", &BTreeMap::new()).unwrap();
+        for k in 0..40_i64 {
+            let mut words = Vec::new();
+            let mut encoder = Evt3Encoder::default();
+            for i in 0..30 {
+                encoder.push(Event { t: 1_000 * k + i, x: i as u16, y: 1, on: true }, &mut words);
+            }
+            let header = MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
+            writer.write_to_known_channel(&header, &message(&words, 1_000 * k, 0, size)).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let middle = bytes.len() / 3;
+        bytes[middle] ^= 0xff;
+        std::fs::write(&path, &bytes).unwrap();
+        let found = read(&path);
+        assert!(found.damage.unwrap().contains("checksum"));
+        let n = found.events.len();
+        assert!(n < 1_200 && n > 600, "{n}");
+        assert_eq!(found.events.as_slice().t.last(), Some(&39_029));
+    }
 }
