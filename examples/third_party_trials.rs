@@ -138,6 +138,7 @@ fn make(root: &Path, truth: &SealedTruth, random: &mut SplitMix) -> Result<usize
             frames: &frames_path,
             times: FrameTimes::File(times_path),
             frame_time_unit: None,
+            raw: RawFrameOptions::default(),
             events: Some(&events_path),
             events_name: StreamName::new("real")?,
             options: EventTableOptions::default(),

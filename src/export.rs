@@ -240,32 +240,48 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
         left_out.extend(animation::mp4(session, request, &chosen)?);
     }
     let side = side::Sidecar::new(session, request, &chosen, &images, left_out)?;
+    let (arrays, mut beside) = write_events(session, request, &chosen, &images, &side.heading())?;
+    let out = &request.out;
+    beside.push(side.write(out)?);
+    let n_events = Some(chosen.events.len() as u64);
+    let (path, left_out) = (out.clone(), side.left_out);
+    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
+}
+
+/// Writes events in the format of the request; gives the arrays of an npz and the files beside it.
+fn write_events(
+    session: &Session,
+    request: &ExportRequest,
+    chosen: &Chosen,
+    images: &[images::Images],
+    heading: &str,
+) -> Result<(Vec<ExportedArray>, Vec<PathBuf>), ExportError> {
     let (out, events) = (&request.out, chosen.events.as_slice());
     let mut arrays = Vec::new();
     let mut beside = Vec::new();
     let groups: Vec<hdf5::SideGroup> = images.iter().map(images::Images::group).collect();
     match request.format {
         ExportFormat::Npz => arrays = npz::events(events, &groups, out)?,
-        ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, &side.heading())?,
+        ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, heading)?,
         ExportFormat::Parquet => {
-            parquet::write_events(out, events, &[("evrig", side.heading())])?;
+            parquet::write_events(out, events, &[("evrig", heading.to_owned())])?;
         }
         ExportFormat::Csv | ExportFormat::Txt => {
             text::write(out, events, request.format == ExportFormat::Txt)?;
         }
         ExportFormat::Zip => text::write_zip(out, events, chosen.size)?,
         ExportFormat::V2e => hdf5::write_v2e(out, events)?,
-        ExportFormat::Raw | ExportFormat::Ros2 => words(session, request, &chosen)?,
-        ExportFormat::Gif => animation::gif(out, &chosen)?,
+        ExportFormat::Raw | ExportFormat::Ros2 => words(session, request, chosen)?,
+        ExportFormat::Gif => animation::gif(out, chosen)?,
         // Written before the metadata, which state what it leaves out.
         ExportFormat::Mp4 => {}
-        ExportFormat::Aedat4 => aedat4(out, &chosen, &request.stream)?,
+        ExportFormat::Aedat4 => aedat4(out, chosen, &request.stream)?,
         ExportFormat::Mcap => {
-            mcap::write(session, request, &chosen, &images)?;
-            beside.push(viewer::write(out, &request.stream, &images)?);
+            mcap::write(session, request, chosen, images)?;
+            beside.push(viewer::write(out, &request.stream, images)?);
         }
         #[cfg(feature = "rerun")]
-        ExportFormat::Rrd => rerun::write(session, request, &chosen, &images, &side.heading())?,
+        ExportFormat::Rrd => rerun::write(session, request, chosen, images, heading)?,
         #[cfg(not(feature = "rerun"))]
         ExportFormat::Rrd => {
             let what = "this evrig was built without rrd files; build it with `cargo install --path . \
@@ -273,10 +289,7 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
             return Err(unfit(session, request, what.into()));
         }
     }
-    beside.push(side.write(out)?);
-    let n_events = Some(events.len() as u64);
-    let (path, left_out) = (out.clone(), side.left_out);
-    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
+    Ok((arrays, beside))
 }
 
 fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportError> {
