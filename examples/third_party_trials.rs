@@ -15,7 +15,9 @@ use eventcv_core::simulate::{Simulator, SimulatorConfig, Upsample};
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::prove::{ConcealedEffect, SealedTruth, seal};
 use evrig::session::StreamName;
-use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{
+    EventTableOptions, FrameTimes, ImportFrames, RawFrameOptions, import_frames,
+};
 use evrig::stats::SplitMix;
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -136,6 +138,7 @@ fn make(root: &Path, truth: &SealedTruth, random: &mut SplitMix) -> Result<usize
             frames: &frames_path,
             times: FrameTimes::File(times_path),
             frame_time_unit: None,
+            raw: RawFrameOptions::default(),
             events: Some(&events_path),
             events_name: StreamName::new("real")?,
             options: EventTableOptions::default(),

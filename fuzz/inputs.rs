@@ -6,11 +6,15 @@
 use evrig::format::aedat4::Reader;
 use evrig::format::npy::{ArrayWriter, NpzWriter};
 use evrig::format::raw2event;
+use evrig::geometry::Size;
 use evrig::pi::wire;
 use evrig::pipeline;
 use evrig::rig::Rig;
 use evrig::scene::PATH_COLUMNS;
-use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{
+    EventTableOptions, FrameTimes, ImportFrames, ImportRecording, RawFrameOptions, import_frames,
+    import_recording,
+};
 use evrig::session::{
     RecordingCheck, Session, SessionLayout, StageRecord, StreamName, read_stage, repair, verify,
     write_stage,
@@ -24,7 +28,7 @@ use std::path::Path;
 pub type ByteParser = fn(&[u8]);
 
 /// Name of the corpus and parser.
-pub const ALL: [(&str, ByteParser); 10] = [
+pub const ALL: [(&str, ByteParser); 11] = [
     ("aedat4", aedat4),
     ("dobot", dobot),
     ("pi", pi),
@@ -34,6 +38,7 @@ pub const ALL: [(&str, ByteParser); 10] = [
     ("manifest", manifest),
     ("journal", journal),
     ("imported", imported),
+    ("recordings", recordings),
     ("results", results),
 ];
 
@@ -139,7 +144,7 @@ pub fn journal(bytes: &[u8]) {
 }
 
 /// Imported file by the first byte of the input.
-const IMPORTED: [&str; 14] = [
+const IMPORTED: [&str; 17] = [
     "frames.npy",
     "times.npy",
     "times.csv",
@@ -154,6 +159,9 @@ const IMPORTED: [&str; 14] = [
     "events.dat",
     "events.aedat",
     "events.bag",
+    "events.mcap",
+    "events.zip",
+    "frames.bin",
 ];
 
 /// One file of an import of frames, selected by the first byte; the other files are valid.
@@ -167,11 +175,36 @@ pub fn imported(bytes: &[u8]) {
         write_frames(&at("frames.npy"));
         std::fs::write(at(name), bytes).unwrap();
         let is = |of: &str| name.starts_with(of);
-        let frames = at(if is("images") { "images" } else { "frames.npy" });
+        let frames = at(if is("images") {
+            "images"
+        } else if is("frames.bin") {
+            name
+        } else {
+            "frames.npy"
+        });
         let times = if is("times") { FrameTimes::File(at(name)) } else { FrameTimes::Fps(50.0) };
         let events = is("events").then(|| at(name));
         let request = frames_and_events(&frames, times, events.as_deref());
         let _ = import_frames(&request, &layout.root().join("session"));
+    });
+}
+
+/// Recording by the first byte of the input.
+const RECORDINGS: [&str; 5] = ["a.bag", "a.mcap", "a.aedat", "a.raw", "a.dat"];
+
+/// A recording with events, frames and inertial samples of another program.
+pub fn recordings(bytes: &[u8]) {
+    let Some((which, bytes)) = bytes.split_first() else { return };
+    in_a_session(|layout| {
+        let file = layout.root().join(RECORDINGS[usize::from(*which) % RECORDINGS.len()]);
+        std::fs::write(&file, bytes).unwrap();
+        for size in [None, Some(Size::new(4, 2))] {
+            let request =
+                ImportRecording { file: &file, size, options: EventTableOptions::default() };
+            let root = layout.root().join("session");
+            let _ = import_recording(&request, &root);
+            let _ = std::fs::remove_dir_all(root);
+        }
     });
 }
 
@@ -182,7 +215,8 @@ fn frames_and_events<'a>(
 ) -> ImportFrames<'a> {
     let events_name = StreamName::new("real").unwrap();
     let options = EventTableOptions::default();
-    ImportFrames { frames, times, frame_time_unit: None, events, events_name, options }
+    let raw = RawFrameOptions { size: Some(Size::new(4, 2)), ..RawFrameOptions::default() };
+    ImportFrames { frames, times, frame_time_unit: None, events, events_name, options, raw }
 }
 
 /// Result file by the first byte of the input.

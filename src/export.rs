@@ -7,13 +7,19 @@
 //! | parquet | columns t, x, y, p | pandas, polars, DuckDB |
 //! | csv | columns t (us), x, y, p | spreadsheets, pandas |
 //! | txt | lines of t (s), x, y, p, as the Event-Camera Dataset | its readers |
+//! | zip | one text of lines of t (s), x, y, p below the sensor's size | rpg_e2vid |
 //! | aedat4 | events | DV, dv-processing |
+//! | raw | EVT 3.0 | Metavision, faery |
+//! | v2e | HDF5 in v2e's layout: `events` (N, 4), uint32 | readers of v2e |
+//! | ros2 | MCAP with event_camera_msgs/EventPacket | ROS 2, event_camera_py |
+//! | gif, mp4 | images of 20 ms | viewers; mp4 needs ffmpeg |
 //! | mcap | event images, frames and the target's outline | Foxglove (with a layout file), Rerun |
 //! | rrd | the same in Rerun's own format, with the feature `rerun` | Rerun |
 //!
 //! Times are microseconds of the events' clock. Metadata is in the file where the format allows it,
 //! and always in `<file>.json` next to it.
 
+mod animation;
 mod images;
 mod mcap;
 mod npz;
@@ -31,7 +37,7 @@ use crate::pipeline::{self, PipelineError};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_format::aedat4::{Compression, StreamSpec, WriteError, Writer};
-use evrig_format::{hdf5, parquet};
+use evrig_format::{hdf5, parquet, prophesee, rosbag2};
 use evrig_session::{Session, SessionError, StreamEntry, StreamKind, StreamName};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -65,8 +71,20 @@ pub enum ExportFormat {
     Csv,
     /// Text of the Event-Camera Dataset, times in seconds.
     Txt,
+    /// An archive of one text, times in seconds, as rpg_e2vid reads it.
+    Zip,
     /// AEDAT4.
     Aedat4,
+    /// EVT 3.0 of Prophesee.
+    Raw,
+    /// HDF5 in v2e's layout.
+    V2e,
+    /// MCAP with event_camera_msgs of ROS 2.
+    Ros2,
+    /// An animation of event images.
+    Gif,
+    /// A video of event images, encoded by ffmpeg.
+    Mp4,
     /// MCAP for viewers.
     Mcap,
     /// Rerun's own format; only where evrig was built with the feature `rerun`.
@@ -217,28 +235,53 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
     }
     let chosen = choose(session, request)?;
     let times = chosen.events.as_slice().t;
-    let (images, left_out) = images::read(session, times)?;
+    let (images, mut left_out) = images::read(session, times)?;
+    if request.format == ExportFormat::Mp4 {
+        left_out.extend(animation::mp4(session, request, &chosen)?);
+    }
     let side = side::Sidecar::new(session, request, &chosen, &images, left_out)?;
+    let (arrays, mut beside) = write_events(session, request, &chosen, &images, &side.heading())?;
+    let out = &request.out;
+    beside.push(side.write(out)?);
+    let n_events = Some(chosen.events.len() as u64);
+    let (path, left_out) = (out.clone(), side.left_out);
+    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
+}
+
+/// Writes events in the format of the request; gives the arrays of an npz and the files beside it.
+fn write_events(
+    session: &Session,
+    request: &ExportRequest,
+    chosen: &Chosen,
+    images: &[images::Images],
+    heading: &str,
+) -> Result<(Vec<ExportedArray>, Vec<PathBuf>), ExportError> {
     let (out, events) = (&request.out, chosen.events.as_slice());
     let mut arrays = Vec::new();
     let mut beside = Vec::new();
     let groups: Vec<hdf5::SideGroup> = images.iter().map(images::Images::group).collect();
     match request.format {
         ExportFormat::Npz => arrays = npz::events(events, &groups, out)?,
-        ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, &side.heading())?,
+        ExportFormat::Hdf5 => hdf5::write_dsec(out, events, &groups, heading)?,
         ExportFormat::Parquet => {
-            parquet::write_events(out, events, &[("evrig", side.heading())])?;
+            parquet::write_events(out, events, &[("evrig", heading.to_owned())])?;
         }
         ExportFormat::Csv | ExportFormat::Txt => {
             text::write(out, events, request.format == ExportFormat::Txt)?;
         }
-        ExportFormat::Aedat4 => aedat4(out, &chosen, &request.stream)?,
+        ExportFormat::Zip => text::write_zip(out, events, chosen.size)?,
+        ExportFormat::V2e => hdf5::write_v2e(out, events)?,
+        ExportFormat::Raw | ExportFormat::Ros2 => words(session, request, chosen)?,
+        ExportFormat::Gif => animation::gif(out, chosen)?,
+        // Written before the metadata, which state what it leaves out.
+        ExportFormat::Mp4 => {}
+        ExportFormat::Aedat4 => aedat4(out, chosen, &request.stream)?,
         ExportFormat::Mcap => {
-            mcap::write(session, request, &chosen, &images)?;
-            beside.push(viewer::write(out, &request.stream, &images)?);
+            mcap::write(session, request, chosen, images)?;
+            beside.push(viewer::write(out, &request.stream, images)?);
         }
         #[cfg(feature = "rerun")]
-        ExportFormat::Rrd => rerun::write(session, request, &chosen, &images, &side.heading())?,
+        ExportFormat::Rrd => rerun::write(session, request, chosen, images, heading)?,
         #[cfg(not(feature = "rerun"))]
         ExportFormat::Rrd => {
             let what = "this evrig was built without rrd files; build it with `cargo install --path . \
@@ -246,10 +289,7 @@ fn write(session: &Session, request: &ExportRequest) -> Result<Exported, ExportE
             return Err(unfit(session, request, what.into()));
         }
     }
-    beside.push(side.write(out)?);
-    let n_events = Some(events.len() as u64);
-    let (path, left_out) = (out.clone(), side.left_out);
-    Ok(Exported { path, beside, n_events, arrays, has_namesake, left_out })
+    Ok((arrays, beside))
 }
 
 fn choose(session: &Session, request: &ExportRequest) -> Result<Chosen, ExportError> {
@@ -294,6 +334,25 @@ fn aedat4(out: &Path, chosen: &Chosen, stream: &str) -> Result<(), ExportError> 
     writer.write_events(0, chosen.events.as_slice())?;
     writer.finish()?;
     Ok(())
+}
+
+/// Writes the words of EVT 3.0, in a file of Prophesee's or in messages.
+fn words(session: &Session, request: &ExportRequest, chosen: &Chosen) -> Result<(), ExportError> {
+    let (out, events, size) = (&request.out, chosen.events.as_slice(), chosen.size);
+    if size.width.max(size.height) > prophesee::MAX_EVT3_SIDE {
+        let what = format!("it has {size} pixels; EVT 3.0 addresses at most 2048 a side");
+        return Err(unfit(session, request, what));
+    }
+    if request.format == ExportFormat::Raw {
+        let written = prophesee::write_evt3(out, events, size);
+        return written.map_err(|source| ExportError::Io { path: out.clone(), source });
+    }
+    if let Some(first) = events.t.first().filter(|t| **t < 0) {
+        let what = format!("it begins at {first} us; an MCAP file holds no time before 0");
+        return Err(unfit(session, request, what));
+    }
+    let written = rosbag2::write_packets(out, &format!("/{}/events", request.stream), events, size);
+    written.map_err(|source| ExportError::Mcap { path: out.clone(), source: Box::new(source) })
 }
 
 /// Whether a path is one of the session's recorded files, its manifest, or a result.

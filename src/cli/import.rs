@@ -2,7 +2,10 @@
 
 use clap::{Args, Subcommand};
 use evrig_core::geometry::Size;
-use evrig_session::import::{ColumnOrder, EpochChoice, EventTableOptions, PolarityRule, TimeUnit};
+use evrig_session::import::{
+    ColumnOrder, EpochChoice, EventTableOptions, PolarityRule, RawFrameOptions, SamplePacking,
+    TimeUnit,
+};
 use std::path::PathBuf;
 
 /// Arguments of `evrig import`.
@@ -53,6 +56,30 @@ pub struct ImportAnyArgs {
     /// What the user states about the events
     #[command(flatten)]
     pub events: EventArgs,
+
+    /// What the user states about frames without a description
+    #[command(flatten)]
+    pub raw: RawFrameArgs,
+}
+
+/// What the user states about frames without a description.
+#[derive(Debug, Clone, Args)]
+pub struct RawFrameArgs {
+    /// Samples of frames in .raw or .bin: 8, raw10 or raw12 (packed as MIPI CSI-2), 16 [default: the
+    /// only one that fits the length of the file]
+    #[arg(long, value_name = "PACKING")]
+    pub packing: Option<SamplePacking>,
+
+    /// Bytes of a row of such frames, with its padding [default: the only one that fits]
+    #[arg(long, value_name = "BYTES", value_parser = clap::value_parser!(u32).range(1..))]
+    pub stride: Option<u32>,
+}
+
+impl RawFrameArgs {
+    /// The options of the importing function.
+    pub(crate) fn options(&self, size: Option<Size>) -> RawFrameOptions {
+        RawFrameOptions { size, stride: self.stride, packing: self.packing }
+    }
 }
 
 /// What the user states about events.
@@ -72,8 +99,9 @@ pub struct EventArgs {
     #[arg(long, value_name = "ON,OFF", allow_hyphen_values = true)]
     pub polarity: Option<PolarityRule>,
 
-    /// Which event stream of a file with several
-    #[arg(long, value_name = "NAME")]
+    /// Which table, topic or event stream of a file with several; of a ROS recording also the frames
+    /// and inertial samples beside the topic
+    #[arg(long, value_name = "NAME", visible_alias = "topic")]
     pub table: Option<String>,
 
     /// Which epoch, where the device's clock restarted: longest, a number from 1, or all
@@ -135,10 +163,19 @@ pub struct ImportAedat4Args {
 #[command(after_help = "Examples:\n  \
     evrig import frames clip.npy --fps 120 --out sessions/clip\n  \
     evrig import frames clip/ --timestamps times.csv --events real.npz --out sessions/clip\n  \
-    evrig import frames clip.npy --fps 120 --events v2e.npz --as v2e --out sessions/clip")]
+    evrig import frames clip.npy --fps 120 --events v2e.h5 --as v2e --out sessions/clip")]
 pub struct ImportFramesArgs {
-    /// An npy array of N x H x W (uint8 or uint16), or a folder of images in name order
+    /// An npy array of N x H x W (uint8 or uint16), a folder of images in name order, or a .raw or .bin
+    /// file of samples without a description, which needs --size
     pub frames: PathBuf,
+
+    /// Size of the frames of a .raw or .bin file
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    pub size: Option<Size>,
+
+    /// What the user states about frames without a description
+    #[command(flatten)]
+    pub raw: RawFrameArgs,
 
     /// Frames per second, as 120 or 30000/1001; the first frame is at 0 µs
     #[arg(long, value_parser = rate, required_unless_present = "timestamps")]

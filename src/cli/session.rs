@@ -41,8 +41,20 @@ pub enum ExportFormatArg {
     Csv,
     /// Text in the layout of the Event-Camera Dataset: t (s), x, y, p
     Txt,
+    /// A zip of one text, as rpg_e2vid reads it: the sensor's size, then t (s), x, y, p
+    Zip,
     /// AEDAT4, for DV and dv-processing
     Aedat4,
+    /// EVT 3.0, for Metavision and faery
+    Raw,
+    /// HDF5 in v2e's layout: events, uint32, N x 4: t (us), x, y, p
+    V2e,
+    /// MCAP with event_camera_msgs/EventPacket, for ROS 2
+    Ros2,
+    /// An animation of event images of 20 ms each
+    Gif,
+    /// The same as a video, which needs ffmpeg
+    Mp4,
     /// Event images, frames and the target's outline, for Foxglove and Rerun
     Mcap,
     /// The same in Rerun's own format (in builds with the feature rerun)
@@ -81,7 +93,7 @@ pub struct ExportArgs {
     pub out: PathBuf,
 
     /// The format [default: by the file name's extension: .npz, .h5, .hdf5, .parquet, .csv, .txt,
-    /// .aedat4, .mcap, .rrd]
+    /// .zip, .aedat4, .raw, .mcap, .gif, .mp4, .rrd]
     #[arg(long, value_enum)]
     pub format: Option<ExportFormatArg>,
 

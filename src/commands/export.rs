@@ -43,32 +43,50 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
     Ok(Ending::Done)
 }
 
+/// Formats by the ending of the file; `v2e` and `ros2` share theirs with `hdf5` and `mcap`.
+const ENDINGS: [(&str, ExportFormat); 13] = [
+    ("npz", ExportFormat::Npz),
+    ("h5", ExportFormat::Hdf5),
+    ("hdf5", ExportFormat::Hdf5),
+    ("parquet", ExportFormat::Parquet),
+    ("csv", ExportFormat::Csv),
+    ("txt", ExportFormat::Txt),
+    ("zip", ExportFormat::Zip),
+    ("aedat4", ExportFormat::Aedat4),
+    ("raw", ExportFormat::Raw),
+    ("mcap", ExportFormat::Mcap),
+    ("gif", ExportFormat::Gif),
+    ("mp4", ExportFormat::Mp4),
+    ("rrd", ExportFormat::Rrd),
+];
+
 fn format(args: &ExportArgs) -> Result<ExportFormat, WrongUse> {
-    Ok(match args.format {
-        Some(Chosen::Npz) => ExportFormat::Npz,
-        Some(Chosen::Hdf5) => ExportFormat::Hdf5,
-        Some(Chosen::Parquet) => ExportFormat::Parquet,
-        Some(Chosen::Csv) => ExportFormat::Csv,
-        Some(Chosen::Txt) => ExportFormat::Txt,
-        Some(Chosen::Aedat4) => ExportFormat::Aedat4,
-        Some(Chosen::Mcap) => ExportFormat::Mcap,
-        Some(Chosen::Rrd) => ExportFormat::Rrd,
-        None => match args.out.extension().and_then(|extension| extension.to_str()) {
-            Some("npz") => ExportFormat::Npz,
-            Some("h5" | "hdf5") => ExportFormat::Hdf5,
-            Some("parquet") => ExportFormat::Parquet,
-            Some("csv") => ExportFormat::Csv,
-            Some("txt") => ExportFormat::Txt,
-            Some("aedat4") => ExportFormat::Aedat4,
-            Some("mcap") => ExportFormat::Mcap,
-            Some("rrd") => ExportFormat::Rrd,
-            _ => {
-                return Err(WrongUse(format!(
-                    "the ending of {} names no format; expected .npz, .h5, .hdf5, .parquet, .csv, \
-                     .txt, .aedat4, .mcap or .rrd, or --format",
-                    args.out.display()
-                )));
-            }
-        },
+    if let Some(chosen) = args.format {
+        return Ok(match chosen {
+            Chosen::Npz => ExportFormat::Npz,
+            Chosen::Hdf5 => ExportFormat::Hdf5,
+            Chosen::Parquet => ExportFormat::Parquet,
+            Chosen::Csv => ExportFormat::Csv,
+            Chosen::Txt => ExportFormat::Txt,
+            Chosen::Zip => ExportFormat::Zip,
+            Chosen::Aedat4 => ExportFormat::Aedat4,
+            Chosen::Raw => ExportFormat::Raw,
+            Chosen::V2e => ExportFormat::V2e,
+            Chosen::Ros2 => ExportFormat::Ros2,
+            Chosen::Gif => ExportFormat::Gif,
+            Chosen::Mp4 => ExportFormat::Mp4,
+            Chosen::Mcap => ExportFormat::Mcap,
+            Chosen::Rrd => ExportFormat::Rrd,
+        });
+    }
+    let ending = args.out.extension().and_then(|extension| extension.to_str());
+    let found = ENDINGS.iter().find(|(name, _)| ending == Some(*name)).map(|(_, format)| *format);
+    found.ok_or_else(|| {
+        let names: Vec<String> = ENDINGS.iter().map(|(name, _)| format!(".{name}")).collect();
+        WrongUse(format!(
+            "the ending of {} names no format; expected {}, or --format",
+            args.out.display(),
+            names.join(", ")
+        ))
     })
 }

@@ -6,8 +6,9 @@ use crate::cli::{
     ImportRaw2EventArgs,
 };
 use evrig_session::import::{
-    FrameTimes, ImportEvents, ImportFrames, ImportRaw2Event, RecordingKind, detect, import_aedat4,
-    import_event_folder, import_events, import_frames, import_raw2event,
+    FrameTimes, ImportEvents, ImportFrames, ImportRaw2Event, ImportRecording, RecordingKind,
+    detect, import_aedat4, import_event_folder, import_events, import_frames, import_raw2event,
+    import_recording,
 };
 use evrig_session::{Manifest, StreamName};
 use std::fmt::Write;
@@ -43,6 +44,8 @@ fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
                 events_name: "real".into(),
                 out: out.clone(),
                 event_options: events,
+                size: args.size,
+                raw: args.raw.clone(),
             };
             frames(&args, output)
         }
@@ -54,6 +57,12 @@ fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
         RecordingKind::EventFolder => {
             let options = events.options();
             let manifest = import_event_folder(path, args.size, &options, out)?;
+            finish(&manifest, out, output)
+        }
+        RecordingKind::Recording => {
+            let options = events.options();
+            let request = ImportRecording { file: path, size: args.size, options };
+            let manifest = import_recording(&request, out)?;
             finish(&manifest, out, output)
         }
         RecordingKind::Events => {
@@ -94,6 +103,7 @@ fn frames(args: &ImportFramesArgs, output: &Output) -> anyhow::Result<Ending> {
         events: args.events.as_deref(),
         events_name,
         options,
+        raw: args.raw.options(args.size),
     };
     let manifest = import_frames(&request, &args.out)?;
     finish(&manifest, &args.out, output)

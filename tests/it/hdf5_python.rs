@@ -5,7 +5,9 @@
 use crate::sessions::python;
 use evrig::event::Event;
 use evrig::format::npy::ArrayWriter;
-use evrig::session::import::{EventTableOptions, FrameTimes, ImportFrames, import_frames};
+use evrig::session::import::{
+    EventTableOptions, FrameTimes, ImportFrames, RawFrameOptions, import_frames,
+};
 use evrig::session::{Session, StreamName};
 use std::process::Command;
 
@@ -32,6 +34,7 @@ fn every_common_h5py_layout_gives_the_same_events() {
             events: Some(&file),
             events_name: StreamName::new("real").unwrap(),
             options: EventTableOptions::default(),
+            raw: RawFrameOptions::default(),
         };
         let session = directory.path().join(layout);
         import_frames(&request, &session).unwrap();

@@ -30,6 +30,7 @@ mod generate_input;
 mod hdf5_python;
 mod import_frames;
 mod import_raw2event;
+mod import_recordings;
 mod main_job;
 mod prove;
 mod published_layout;

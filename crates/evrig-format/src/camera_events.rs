@@ -30,6 +30,9 @@ pub enum CameraFileError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// The place that the contents go to refuses them.
+    #[error("{0}")]
+    Sink(String),
     /// The content is not of the expected format.
     #[error("{path}: {what}", path = path.display())]
     Format {

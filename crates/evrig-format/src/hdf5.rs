@@ -7,8 +7,10 @@
 mod blosc;
 mod dsec;
 mod stored;
+mod v2e;
 
 pub use dsec::{SideColumn, SideGroup, write_dsec};
+pub use v2e::write_v2e;
 
 use crate::StoredTable;
 use hdf5_pure::{AttrValue, Dataset, Datatype, File, Group};
@@ -154,8 +156,12 @@ impl Hdf5EventFile<'_> {
             };
             return Ok(StoredTable::of_columns(members.iter().filter_map(column).collect()));
         }
-        let values = stored::numbers(&bytes, &datatype, 0, size).ok_or("is not of numbers")?;
-        Ok(StoredTable::of_rows(&values, 4))
+        let column = |i: usize| {
+            let values = stored::numbers(&bytes, &datatype, i * size, 4 * size);
+            Some((String::new(), values?))
+        };
+        let columns: Option<Vec<_>> = (0..4).map(column).collect();
+        Ok(StoredTable::of_columns(columns.ok_or("is not of numbers")?))
     }
 
     /// The offset of DSEC, at the root or beside the columns.

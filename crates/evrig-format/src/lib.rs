@@ -10,10 +10,14 @@ pub mod npy;
 pub mod parquet;
 pub mod prophesee;
 pub mod raw2event;
+mod recording;
+mod ros;
 pub mod rosbag;
+pub mod rosbag2;
 mod table;
 pub mod text;
 
 pub use camera_events::{CameraEvents, CameraFileError};
 pub use destination::Destination;
+pub use recording::{RecordingNotes, RecordingSink, SourceStream};
 pub use table::StoredTable;

@@ -6,7 +6,13 @@
 
 mod evt2;
 mod evt3;
+mod write;
 
+pub(crate) use write::Evt3Encoder;
+pub use write::{MAX_EVT3_SIDE, write_evt3};
+
+use crate::aedat4::Content;
+use crate::recording::{RecordingNotes, RecordingSink, SourceStream};
 use crate::{CameraEvents, CameraFileError};
 use evrig_core::event::Event;
 use evrig_core::geometry::Size;
@@ -47,21 +53,53 @@ struct FileHeader {
     t0: Option<i64>,
 }
 
-/// Reads the events of a file.
+/// Decodes words that arrive in packets, as `event_camera_msgs` carries them.
+#[derive(Debug)]
+pub(crate) enum PacketDecoder {
+    /// EVT 2.0.
+    Evt2(evt2::Evt2),
+    /// EVT 2.1.
+    Evt21(evt2::Evt21),
+    /// EVT 3.0.
+    Evt3(evt3::Evt3),
+}
+
+impl PacketDecoder {
+    /// The decoder of an encoding `evt2`, `evt21` or, for any other name, `evt3`.
+    pub(crate) fn new(encoding: &str) -> Self {
+        match encoding {
+            "evt2" => Self::Evt2(evt2::Evt2::default()),
+            "evt21" => Self::Evt21(evt2::Evt21::default()),
+            _ => Self::Evt3(evt3::Evt3::default()),
+        }
+    }
+
+    /// Decodes the whole words of a packet.
+    pub(crate) fn decode(&mut self, words: &[u8], into: &mut CameraEvents) {
+        match self {
+            Self::Evt2(decoder) => decoder.decode(words, into),
+            Self::Evt21(decoder) => decoder.decode(words, into),
+            Self::Evt3(decoder) => decoder.decode(words, into),
+        }
+    }
+}
+
+/// Reads a file up to a cut.
 ///
 /// # Errors
-/// When the file cannot be read or its header states no known format.
-pub fn read_events(path: &Path) -> Result<CameraEvents, CameraFileError> {
+/// When the file cannot be read or its header states no known format, or the sink refuses.
+pub fn read(path: &Path, sink: &mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError> {
     let mut reader =
         BufReader::with_capacity(BLOCK_BYTES, File::open(path).map_err(CameraFileError::io(path))?);
     let header = FileHeader::read(&mut reader).map_err(CameraFileError::io(path))?;
     let format = header.format(path)?;
     let size = header.width.zip(header.height).map(|(w, h)| Size::new(w, h));
-    let mut found = CameraEvents { size, ..CameraEvents::default() };
-    let damage = match format {
-        WordFormat::Evt2 => drain(&mut reader, &mut evt2::Evt2::default(), &mut found),
-        WordFormat::Evt21 => drain(&mut reader, &mut evt2::Evt21::default(), &mut found),
-        WordFormat::Evt3 => drain(&mut reader, &mut evt3::Evt3::default(), &mut found),
+    let t0 = header.t0.unwrap_or(0);
+    let mut drain = WordDrain { path, stream: SourceStream::only_events(size), t0, sink };
+    let mut notes = match format {
+        WordFormat::Evt2 => drain.run(&mut reader, &mut evt2::Evt2::default()),
+        WordFormat::Evt21 => drain.run(&mut reader, &mut evt2::Evt21::default()),
+        WordFormat::Evt3 => drain.run(&mut reader, &mut evt3::Evt3::default()),
         WordFormat::Dat => {
             let mut kind_and_bytes = [0; 2];
             reader.read_exact(&mut kind_and_bytes).map_err(CameraFileError::io(path))?;
@@ -69,16 +107,13 @@ pub fn read_events(path: &Path) -> Result<CameraEvents, CameraFileError> {
                 let what = format!("has events of {} bytes; expected 8", kind_and_bytes[1]);
                 return Err(CameraFileError::format(path, what));
             }
-            drain(&mut reader, &mut Dat::default(), &mut found)
+            drain.run(&mut reader, &mut Dat::default())
         }
-    };
-    found.damage = damage.map_err(CameraFileError::io(path))?;
-    if let Some(t0) = header.t0.filter(|t0| *t0 != 0) {
-        let moved = |event: Event| Event { t: event.t.saturating_add(t0), ..event };
-        found.events = found.events.as_slice().iter().map(moved).collect();
-        found.decisions.push(format!("the header's t0 of {t0} us is added to the times"));
+    }?;
+    if t0 != 0 {
+        notes.decisions.push(format!("the header's t0 of {t0} us is added to the times"));
     }
-    Ok(found)
+    Ok(notes)
 }
 
 /// Whether the first bytes of a file are those of a header of Prophesee's.
@@ -87,20 +122,43 @@ pub fn is_header(start: &[u8]) -> bool {
     start.starts_with(b"% ")
 }
 
-fn drain<D: WordDecoder>(
-    reader: &mut impl Read,
-    decoder: &mut D,
-    found: &mut CameraEvents,
-) -> std::io::Result<Option<String>> {
-    let mut block = Vec::with_capacity(BLOCK_BYTES);
-    loop {
-        block.clear();
-        let n = reader.by_ref().take(BLOCK_BYTES as u64).read_to_end(&mut block)?;
-        let n_left = n % D::BYTES;
-        decoder.decode(&block[..n - n_left], found);
-        if n < BLOCK_BYTES {
-            let cut = || format!("the file is cut: {n_left} bytes of a last word were left out");
-            return Ok((n_left > 0).then(cut));
+/// Gives the events of a file's words to a sink, block by block.
+struct WordDrain<'a, 'b> {
+    path: &'a Path,
+    stream: SourceStream,
+    /// Added to every time, µs.
+    t0: i64,
+    sink: &'a mut RecordingSink<'b>,
+}
+
+impl WordDrain<'_, '_> {
+    fn run<D: WordDecoder>(
+        &mut self,
+        reader: &mut impl Read,
+        decoder: &mut D,
+    ) -> Result<RecordingNotes, CameraFileError> {
+        let mut block = Vec::with_capacity(BLOCK_BYTES);
+        let mut notes = RecordingNotes::default();
+        loop {
+            block.clear();
+            let n = reader.by_ref().take(BLOCK_BYTES as u64).read_to_end(&mut block);
+            let n = n.map_err(CameraFileError::io(self.path))?;
+            let n_left = n % D::BYTES;
+            let mut found = CameraEvents::default();
+            decoder.decode(&block[..n - n_left], &mut found);
+            found.left_out.iter().for_each(|(what, count)| notes.leave_out(what, *count));
+            let mut events = found.events;
+            if self.t0 != 0 {
+                let moved = |event: Event| Event { t: event.t.saturating_add(self.t0), ..event };
+                events = events.as_slice().iter().map(moved).collect();
+            }
+            (self.sink)(&self.stream, Content::Events(events))?;
+            if n < BLOCK_BYTES {
+                let cut =
+                    || format!("the file is cut: {n_left} bytes of a last word were left out");
+                notes.damage = (n_left > 0).then(cut);
+                return Ok(notes);
+            }
         }
     }
 }

@@ -1,11 +1,11 @@
-//! ROS 1 bags with events: `dvs_msgs/EventArray` and `prophesee_event_msgs/EventArray`.
+//! ROS 1 bags with events, images and inertial samples.
 //!
 //! Layout: <http://wiki.ros.org/Bags/Format/2.0>. Records are read in file order, so that a bag
 //! that was cut, and has no index, is read up to the cut; the crate `rosbag` needs the index.
 
-use crate::{CameraEvents, CameraFileError};
-use evrig_core::event::Event;
-use evrig_core::geometry::Size;
+use crate::CameraFileError;
+use crate::recording::{RecordingNotes, RecordingSink};
+use crate::ros::{RosDecoder, RosWire};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -21,9 +21,6 @@ const CONNECTION: u8 = 0x07;
 /// Records of more bytes are damage.
 const MAX_RECORD_BYTES: u32 = 1 << 30;
 
-/// x, y, seconds, nanoseconds, polarity.
-const EVENT_BYTES: usize = 13;
-
 /// Whether the first bytes of a file are those of a bag.
 #[must_use]
 pub fn is_header(start: &[u8]) -> bool {
@@ -37,14 +34,25 @@ struct BagConnection {
     kind: String,
 }
 
-/// What was found so far.
-#[derive(Debug, Default)]
-struct BagEvents {
+/// A bag while it is read.
+struct BagReader<'a, 'b> {
     connections: BTreeMap<u32, BagConnection>,
-    /// By topic.
-    events: BTreeMap<String, CameraEvents>,
-    others: BTreeMap<String, u64>,
-    n_malformed: u64,
+    decoder: RosDecoder,
+    sink: &'a mut RecordingSink<'b>,
+}
+
+/// Why a record gives nothing.
+enum RecordFault {
+    /// It is damaged; the next may be whole.
+    Damage(String),
+    /// The sink refuses.
+    Sink(CameraFileError),
+}
+
+impl From<String> for RecordFault {
+    fn from(what: String) -> Self {
+        Self::Damage(what)
+    }
 }
 
 /// A record's header fields and its data.
@@ -55,11 +63,11 @@ struct BagRecord<'a> {
     data: &'a [u8],
 }
 
-/// Reads the events of a topic, up to a cut. `topic` is needed where several hold events.
+/// Reads a bag, up to a cut.
 ///
 /// # Errors
-/// When the file cannot be read, holds no events, or several topics do and none is chosen.
-pub fn read_events(path: &Path, topic: Option<&str>) -> Result<CameraEvents, CameraFileError> {
+/// When the file cannot be read or is no bag, or the sink refuses.
+pub fn read(path: &Path, sink: &mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError> {
     let io = CameraFileError::io;
     let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
     let mut magic = [0; MAGIC.len()];
@@ -67,29 +75,38 @@ pub fn read_events(path: &Path, topic: Option<&str>) -> Result<CameraEvents, Cam
     if magic != MAGIC {
         return Err(CameraFileError::format(path, "is no ROS bag of version 2.0"));
     }
-    let mut bag = BagEvents::default();
+    let mut bag = BagReader { connections: BTreeMap::new(), decoder: RosDecoder::default(), sink };
     let mut damage = None;
     let mut offset = MAGIC.len();
+    let mut record = Vec::new();
     loop {
-        let mut record = Vec::new();
-        match read_record(&mut reader, &mut record).map_err(io(path))? {
-            RecordEnd::Whole => {}
+        record.clear();
+        let taken = match read_record(&mut reader, &mut record).map_err(io(path))? {
+            RecordEnd::Whole => match parse(&record) {
+                Some((parsed, _)) => bag.take(&parsed),
+                None => Err(RecordFault::Damage("a record without an operation".into())),
+            },
             RecordEnd::End => break,
             RecordEnd::Cut => {
-                bag.take_cut(&record);
-                damage = Some(format!("the file is cut in the record at byte {offset}"));
+                damage.get_or_insert(format!("the file is cut in the record at byte {offset}"));
+                if let Err(RecordFault::Sink(error)) = bag.take_cut(&record) {
+                    return Err(error);
+                }
                 break;
             }
-        }
-        let parsed = parse(&record);
+        };
         offset += record.len();
-        let taken = parsed.map_or(Err("a record without an operation".into()), |r| bag.take(&r.0));
-        if let Err(what) = taken {
-            bag.n_malformed += 1;
-            damage.get_or_insert(format!("up to byte {offset}: {what}; the next record is read"));
+        match taken {
+            Ok(()) => {}
+            Err(RecordFault::Sink(error)) => return Err(error),
+            Err(RecordFault::Damage(what)) => {
+                damage.get_or_insert(format!("up to byte {offset}: {what}; reading went on"));
+            }
         }
     }
-    bag.choose(path, topic, damage)
+    let mut notes = bag.decoder.notes;
+    notes.damage = damage;
+    Ok(notes)
 }
 
 enum RecordEnd {
@@ -147,8 +164,8 @@ fn parse(bytes: &[u8]) -> Option<(BagRecord<'_>, &[u8])> {
     Some((BagRecord { op, connection, fields, data }, &bytes[start + n_data..]))
 }
 
-impl BagEvents {
-    fn take(&mut self, record: &BagRecord<'_>) -> Result<(), String> {
+impl BagReader<'_, '_> {
+    fn take(&mut self, record: &BagRecord<'_>) -> Result<(), RecordFault> {
         match (record.op, record.connection) {
             (CHUNK, _) => self.take_chunk(record),
             (CONNECTION, Some(id)) => {
@@ -166,18 +183,19 @@ impl BagEvents {
     }
 
     /// Takes the whole messages of a chunk without compression that the file's end cuts.
-    fn take_cut(&mut self, record: &[u8]) {
+    fn take_cut(&mut self, record: &[u8]) -> Result<(), RecordFault> {
         let n_header = word(record, 0).unwrap_or(u32::MAX) as usize;
-        let Some(header) = record.get(4..4_usize.saturating_add(n_header)) else { return };
+        let Some(header) = record.get(4..4_usize.saturating_add(n_header)) else { return Ok(()) };
         let fields = fields(header);
         let is_plain = fields.get(&b"compression"[..]).is_some_and(|name| *name == b"none");
-        if let Some(data) = record.get(8 + n_header..).filter(|_| is_plain) {
+        match record.get(8 + n_header..).filter(|_| is_plain) {
             // A last message without its end is no record, and ends the chunk.
-            let _ = self.take_chunk(&BagRecord { op: CHUNK, connection: None, fields, data });
+            Some(data) => self.take_chunk(&BagRecord { op: CHUNK, connection: None, fields, data }),
+            None => Ok(()),
         }
     }
 
-    fn take_chunk(&mut self, record: &BagRecord<'_>) -> Result<(), String> {
+    fn take_chunk(&mut self, record: &BagRecord<'_>) -> Result<(), RecordFault> {
         let compression = record.fields.get(&b"compression"[..]).copied().unwrap_or(b"none");
         let size = record.fields.get(&b"size"[..]).and_then(|size| word(size, 0)).unwrap_or(0);
         let plain;
@@ -193,85 +211,43 @@ impl BagEvents {
             }
             other => {
                 let name = String::from_utf8_lossy(other);
-                return Err(format!("a chunk is compressed with {name}; run `rosbag decompress`"));
+                let what = format!("a chunk is compressed with {name}; run `rosbag decompress`");
+                return Err(RecordFault::Damage(what));
             }
         };
+        // A damaged message does not take the others of its chunk with it.
+        let mut first_damage = Ok(());
         while let Some((record, behind)) = parse(rest) {
-            if record.op != CHUNK {
-                self.take(&record)?;
+            let taken = if record.op == CHUNK { Ok(()) } else { self.take(&record) };
+            match taken {
+                Err(RecordFault::Damage(what)) if first_damage.is_ok() => {
+                    first_damage = Err(RecordFault::Damage(what));
+                }
+                Err(RecordFault::Sink(error)) => return Err(RecordFault::Sink(error)),
+                _ => {}
             }
             rest = behind;
         }
+        first_damage
+    }
+
+    fn take_message(&mut self, id: u32, data: &[u8]) -> Result<(), RecordFault> {
+        let Some(BagConnection { topic, kind }) = self.connections.get(&id) else {
+            return Err(RecordFault::Damage("a message of an unknown connection".into()));
+        };
+        if let Some((stream, content)) = self.decoder.take(topic, kind, RosWire::Ros1, data)? {
+            (self.sink)(&stream, content).map_err(RecordFault::Sink)?;
+        }
         Ok(())
     }
-
-    fn take_message(&mut self, id: u32, data: &[u8]) -> Result<(), String> {
-        let Some(connection) = self.connections.get(&id) else {
-            return Err("a message of an unknown connection".into());
-        };
-        if !connection.kind.ends_with("/EventArray") {
-            let what = format!("messages of {} ({})", connection.topic, connection.kind);
-            *self.others.entry(what).or_default() += 1;
-            return Ok(());
-        }
-        let found = self.events.entry(connection.topic.clone()).or_default();
-        decode(data, found).ok_or_else(|| format!("a message of {} is cut", connection.topic))
-    }
-
-    fn choose(
-        mut self,
-        path: &Path,
-        topic: Option<&str>,
-        damage: Option<String>,
-    ) -> Result<CameraEvents, CameraFileError> {
-        let topics: Vec<String> = self.events.keys().cloned().collect();
-        let chosen = match (topic, topics.as_slice()) {
-            (Some(topic), _) if topics.iter().any(|known| known == topic) => topic.to_owned(),
-            (None, [only]) => only.clone(),
-            (None, []) => {
-                let others: Vec<&str> = self.others.keys().map(String::as_str).collect();
-                let mut what = format!(
-                    "holds no dvs_msgs/EventArray or prophesee_event_msgs/EventArray; it holds {}",
-                    others.join(", ")
-                );
-                what.extend(damage.map(|damage| format!("; {damage}")));
-                return Err(CameraFileError::format(path, what));
-            }
-            _ => {
-                let what = format!("has events on {}; choose one with --table", topics.join(", "));
-                return Err(CameraFileError::format(path, what));
-            }
-        };
-        let mut found = self.events.remove(&chosen).unwrap_or_default();
-        found.decisions.push(format!("the events are those of {chosen}"));
-        found.left_out.extend(self.others);
-        found.damage = damage;
-        Ok(found)
-    }
-}
-
-/// A message: its header, height, width, and the events.
-fn decode(data: &[u8], found: &mut CameraEvents) -> Option<()> {
-    let n_name = word(data, 12)? as usize;
-    let at = 16_usize.checked_add(n_name)?;
-    let [height, width, n] = [word(data, at)?, word(data, at + 4)?, word(data, at + 8)?];
-    if let (Ok(width @ 1..), Ok(height @ 1..)) = (u16::try_from(width), u16::try_from(height)) {
-        found.size = Some(Size::new(width, height));
-    }
-    let events = data.get(at + 12..)?.chunks_exact(EVENT_BYTES).take(n as usize);
-    let n_read = events.len();
-    for event in events {
-        let half = |at: usize| u16::from_le_bytes([event[at], event[at + 1]]);
-        let (seconds, nanos) = (word(event, 4)?, word(event, 8)?);
-        let t = i64::from(seconds) * 1_000_000 + i64::from(nanos) / 1_000;
-        found.events.push(Event { t, x: half(0), y: half(2), on: event[12] != 0 });
-    }
-    (n_read == n as usize).then_some(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CameraEvents;
+    use crate::ros::tests::{imu_message, rgb_image};
+    use evrig_core::geometry::Size;
 
     fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
         let mut header = Vec::new();
@@ -318,7 +294,8 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.bag");
         std::fs::write(&path, bytes).unwrap();
-        read_events(&path, topic).map_err(|error| error.to_string())
+        let found = CameraEvents::gather(&path, topic, |sink| super::read(&path, sink));
+        found.map_err(|error| error.to_string())
     }
 
     #[test]
@@ -327,7 +304,17 @@ mod tests {
             connection(0, "/dvs/events", "dvs_msgs/EventArray"),
             connection(1, "/dvs/imu", "sensor_msgs/Imu"),
             message(0, &[(1_500_000_000, 1_999, 239, 179, 1), (1_500_000_001, 0, 0, 1, 0)]),
-            message(1, &[]),
+            record(
+                &[("op", &[MESSAGE]), ("conn", &1_u32.to_le_bytes())],
+                &imu_message(RosWire::Ros1),
+            ),
+            connection(3, "/dvs/image_raw", "sensor_msgs/Image"),
+            record(
+                &[("op", &[MESSAGE]), ("conn", &3_u32.to_le_bytes())],
+                &rgb_image(RosWire::Ros1),
+            ),
+            connection(4, "/tf", "tf2_msgs/TFMessage"),
+            message(4, &[]),
         ];
         let bytes = bag(&records);
         let found = read(&bytes, None).unwrap();
@@ -337,11 +324,16 @@ mod tests {
             [(1_500_000_000_000_001, 239, 179, true), (1_500_000_001_000_000, 0, 1, false)];
         assert_eq!(events, expected);
         assert_eq!(found.size, Some(Size::new(240, 180)));
-        assert_eq!(found.left_out, [("messages of /dvs/imu (sensor_msgs/Imu)".to_owned(), 1)]);
+        let expected = [
+            ("messages of /tf (tf2_msgs/TFMessage)", 1),
+            ("frames of /dvs/image_raw", 1),
+            ("inertial samples of /dvs/imu", 1),
+        ];
+        assert_eq!(found.left_out, expected.map(|(what, n)| (what.to_owned(), n)));
         let twice = [&records[..], &[connection(2, "/right", "dvs_msgs/EventArray")]].concat();
         let twice = bag(&[twice, vec![message(2, &[(1, 0, 1, 1, 1)])]].concat());
         let error = read(&twice, None).unwrap_err();
-        assert!(error.contains("/dvs/events, /right") && error.contains("--table"), "{error}");
+        assert!(error.contains("/dvs/events, /right") && error.contains("--topic"), "{error}");
         assert_eq!(read(&twice, Some("/right")).unwrap().events.len(), 1);
     }
 

@@ -57,13 +57,54 @@ struct Rows {
 pub fn read_table(path: &Path) -> Result<StoredTable, TextTableError> {
     let io = |source| TextTableError::Io { path: path.to_owned(), source };
     let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io)?);
+    read_rows(path, &mut reader, false)
+}
+
+/// Reads the table in a zip archive of one text, as rpg_e2vid reads its events. What an archive that
+/// was cut still holds is read up to the cut.
+///
+/// # Errors
+/// When the file cannot be read, holds no text or several, or a line is not a row of numbers.
+pub fn read_zipped_table(path: &Path) -> Result<StoredTable, TextTableError> {
+    let io = |source| TextTableError::Io { path: path.to_owned(), source };
+    let other = |what: String| io(std::io::Error::other(what));
+    let file = File::open(path).map_err(io)?;
+    let Ok(mut archive) = zip::ZipArchive::new(BufReader::new(file)) else {
+        let mut file = BufReader::new(File::open(path).map_err(io)?);
+        let entry = zip::read::read_zipfile_from_stream(&mut file);
+        let entry = entry.ok().flatten().ok_or_else(|| other("is no zip archive".into()))?;
+        return read_rows(path, &mut BufReader::with_capacity(1 << 20, entry), true);
+    };
+    let is_text = |name: &String| name.ends_with(".txt") || name.ends_with(".csv");
+    let names = archive.file_names().filter_map(Result::ok).map(|name| name.into_owned());
+    let names: Vec<String> = names.filter(is_text).collect();
+    let [name] = names.as_slice() else {
+        let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        return Err(other(format!(
+            "holds the texts: {found}; expected one .txt or .csv: unpack it and import the text"
+        )));
+    };
+    let entry = archive.by_name(name).map_err(|error| other(error.to_string()))?;
+    read_rows(path, &mut BufReader::with_capacity(1 << 20, entry), false)
+}
+
+/// Reads the lines. Where `is_cut`, a failure to read is the end.
+fn read_rows(
+    path: &Path,
+    reader: &mut impl BufRead,
+    is_cut: bool,
+) -> Result<StoredTable, TextTableError> {
+    let io = |source| TextTableError::Io { path: path.to_owned(), source };
     let mut rows = Rows::default();
-    let mut damage = None;
+    let mut damage = is_cut.then(|| "the archive is cut".to_owned());
     let mut line = Vec::new();
     for number in 1_u64.. {
         line.clear();
-        if reader.read_until(b'\n', &mut line).map_err(io)? == 0 {
-            break;
+        match reader.read_until(b'\n', &mut line) {
+            Ok(0) => break,
+            Ok(_) => {}
+            Err(_) if is_cut && !rows.columns.is_empty() => break,
+            Err(error) => return Err(io(error)),
         }
         let is_whole = line.ends_with(b"\n");
         match rows.take(&line) {

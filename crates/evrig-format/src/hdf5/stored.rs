@@ -102,28 +102,51 @@ pub(super) fn numbers(
         _ => return None,
     };
     let is_big_endian = *order == DatatypeByteOrder::BigEndian;
-    if !matches!(size, 1 | 2 | 4 | 8) || stride == 0 || offset + size > stride {
+    if stride == 0 || offset + size > stride {
         return None;
     }
-    let bits = bytes.chunks_exact(stride).map(|record| {
-        let cell = &record[offset..offset + size];
-        let shift_in = |bits: u64, byte: &u8| (bits << 8) | u64::from(*byte);
-        if is_big_endian {
-            cell.iter().fold(0, shift_in)
-        } else {
-            cell.iter().rev().fold(0, shift_in)
-        }
-    });
-    let unused = 64 - 8 * size as u32;
-    Some(match (is_signed, size) {
-        (Some(true), _) => {
-            Column::Int(bits.map(|bits| ((bits << unused) as i64) >> unused).collect())
-        }
-        (Some(false), _) => {
-            Column::Int(bits.map(|bits| i64::try_from(bits).unwrap_or(i64::MAX)).collect())
-        }
-        (None, 4) => Column::Float(bits.map(|bits| f32::from_bits(bits as u32).into()).collect()),
-        (None, 8) => Column::Float(bits.map(f64::from_bits).collect()),
-        (None, _) => return None,
-    })
+    let cells = NumberCells { bytes, offset, stride, is_big_endian };
+    match size {
+        1 => cells.column::<1>(is_signed),
+        2 => cells.column::<2>(is_signed),
+        4 => cells.column::<4>(is_signed),
+        8 => cells.column::<8>(is_signed),
+        _ => None,
+    }
+}
+
+/// Where the numbers of a column are in the bytes of a dataset.
+struct NumberCells<'a> {
+    bytes: &'a [u8],
+    offset: usize,
+    stride: usize,
+    is_big_endian: bool,
+}
+
+impl NumberCells<'_> {
+    /// Numbers of `N` bytes: signed or unsigned, or floats.
+    fn column<const N: usize>(&self, is_signed: Option<bool>) -> Option<Column> {
+        let bits = self.bytes.chunks_exact(self.stride).map(|record| {
+            let mut cell = [0; 8];
+            cell[..N].copy_from_slice(&record[self.offset..self.offset + N]);
+            if self.is_big_endian {
+                cell[..N].reverse();
+            }
+            u64::from_le_bytes(cell)
+        });
+        let unused = 64 - 8 * N as u32;
+        Some(match (is_signed, N) {
+            (Some(true), _) => {
+                Column::Int(bits.map(|bits| ((bits << unused) as i64) >> unused).collect())
+            }
+            (Some(false), _) => {
+                Column::Int(bits.map(|bits| i64::try_from(bits).unwrap_or(i64::MAX)).collect())
+            }
+            (None, 4) => {
+                Column::Float(bits.map(|bits| f32::from_bits(bits as u32).into()).collect())
+            }
+            (None, 8) => Column::Float(bits.map(f64::from_bits).collect()),
+            (None, _) => return None,
+        })
+    }
 }

@@ -34,13 +34,13 @@ impl HighTime {
 
 /// Decodes EVT 2.0.
 #[derive(Debug, Default)]
-pub(super) struct Evt2 {
+pub(crate) struct Evt2 {
     time: HighTime,
 }
 
 /// Decodes EVT 2.1.
 #[derive(Debug, Default)]
-pub(super) struct Evt21 {
+pub(crate) struct Evt21 {
     time: HighTime,
 }
 

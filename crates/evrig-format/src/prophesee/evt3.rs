@@ -4,13 +4,13 @@ use super::WordDecoder;
 use crate::CameraEvents;
 use evrig_core::event::Event;
 
-const ADDRESS_Y: u16 = 0x0;
-const ADDRESS_X: u16 = 0x2;
+pub(super) const ADDRESS_Y: u16 = 0x0;
+pub(super) const ADDRESS_X: u16 = 0x2;
 const VECTOR_BASE_X: u16 = 0x3;
 const VECTOR_12: u16 = 0x4;
 const VECTOR_8: u16 = 0x5;
-const TIME_LOW: u16 = 0x6;
-const TIME_HIGH: u16 = 0x8;
+pub(super) const TIME_LOW: u16 = 0x6;
+pub(super) const TIME_HIGH: u16 = 0x8;
 const TRIGGER: u16 = 0xa;
 
 /// Bits of each half of the time, which wraps after 16.8 s.
@@ -22,7 +22,7 @@ const MIN_LOW_WRAP: i64 = 1 << (HALF_BITS - 2);
 
 /// Decodes EVT 3.0.
 #[derive(Debug, Default)]
-pub(super) struct Evt3 {
+pub(crate) struct Evt3 {
     y: u16,
     base_x: u16,
     on: bool,

@@ -7,7 +7,7 @@ fn read(name: &str, header: &str, words: &[u8]) -> CameraEvents {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join(name);
     std::fs::write(&path, [header.as_bytes(), words].concat()).unwrap();
-    read_events(&path).unwrap()
+    CameraEvents::gather(&path, None, |sink| super::read(&path, sink)).unwrap()
 }
 
 fn events(rows: &[(i64, u16, u16, bool)]) -> Events {

@@ -26,14 +26,19 @@ impl Separator {
         found.map_or(Self::Blanks, |(_, separator)| separator)
     }
 
+    /// The byte that separates.
+    const fn byte(self) -> u8 {
+        match self {
+            Self::Comma => b',',
+            Self::Semicolon => b';',
+            Self::Tab => b'\t',
+            Self::Blanks => b' ',
+        }
+    }
+
     /// The cells of a line, without blanks and quotes around them.
     pub(super) fn split(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
-        let is_separator = move |byte: &u8| match self {
-            Self::Comma => *byte == b',',
-            Self::Semicolon => *byte == b';',
-            Self::Tab => *byte == b'\t',
-            Self::Blanks => *byte == b' ',
-        };
+        let is_separator = move |byte: &u8| *byte == self.byte();
         let is_kept = move |cell: &&[u8]| self != Self::Blanks || !cell.is_empty();
         line.split(is_separator).map(unquoted).filter(is_kept)
     }
@@ -67,6 +72,10 @@ pub(super) fn parse_row(
     separator: Separator,
     row: &mut Vec<Number>,
 ) -> Result<(), String> {
+    row.clear();
+    if parse_plain_row(line, separator, row) {
+        return Ok(());
+    }
     row.clear();
     for cell in separator.split(line) {
         let Some(number) = number(cell, separator) else {
@@ -109,6 +118,49 @@ fn whole(cell: &[u8]) -> Option<i64> {
         };
     }
     Some(if is_negative { -value } else { value })
+}
+
+/// The most digits of a decimal whose quotient by a power of ten is the nearest number (Clinger 1990):
+/// the digits and the power are exact.
+const MAX_EXACT_DIGITS: usize = 15;
+
+/// Parses cells of plain digits, with a sign and a decimal point or without, in one pass, several
+/// times faster than cell by cell. False where a cell is anything else.
+fn parse_plain_row(line: &[u8], separator: Separator, row: &mut Vec<Number>) -> bool {
+    const POWERS: [f64; MAX_EXACT_DIGITS + 1] =
+        [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+    let end = separator.byte();
+    let (mut value, mut n_digits, mut n_behind) = (0_i64, 0, 0);
+    let (mut has_point, mut is_negative) = (false, false);
+    for byte in line.iter().chain(std::iter::once(&end)) {
+        match *byte {
+            digit @ b'0'..=b'9' if n_digits < 18 => {
+                value = value * 10 + i64::from(digit - b'0');
+                n_digits += 1;
+                n_behind += usize::from(has_point);
+            }
+            b'.' if !has_point && n_digits <= MAX_EXACT_DIGITS => has_point = true,
+            b'-' if n_digits == 0 && !has_point && !is_negative => is_negative = true,
+            byte if byte == end && n_digits > 0 => {
+                let signed = if is_negative { -value } else { value };
+                if !has_point {
+                    row.push(Number::Int(signed));
+                } else if n_digits <= MAX_EXACT_DIGITS && value > 0 {
+                    row.push(Number::Float(signed as f64 / POWERS[n_behind]));
+                } else if value == 0 && !is_negative {
+                    row.push(Number::Float(0.0));
+                } else {
+                    return false;
+                }
+                (value, n_digits, n_behind) = (0, 0, 0);
+                (has_point, is_negative) = (false, false);
+            }
+            // Several blanks separate as one.
+            b' ' if end == b' ' && !has_point && !is_negative => {}
+            _ => return false,
+        }
+    }
+    true
 }
 
 fn truth(text: &str) -> Option<i64> {

@@ -57,3 +57,57 @@ fn a_cell_that_is_no_number_is_named_with_its_line() {
     let error = table("t,x,y,p\n1,2,3,1\n1,nan,3,1\n").unwrap_err().to_string();
     assert!(error.contains("line 3: expected numbers, found `nan`"), "{error}");
 }
+
+#[test]
+fn a_zipped_text_is_read_and_up_to_its_cut() {
+    use std::io::Write;
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("events.zip");
+    let mut archive = zip::ZipWriter::new(File::create(&path).unwrap());
+    archive.start_file("events.txt", zip::write::SimpleFileOptions::default()).unwrap();
+    writeln!(archive, "346 260").unwrap();
+    for i in 0..200_000 {
+        writeln!(
+            archive,
+            "{}.{:06} {} {} {}",
+            i / 1_000,
+            i * 7 % 1_000_000,
+            i * 13 % 346,
+            i % 260,
+            i & 1
+        )
+        .unwrap();
+    }
+    archive.finish().unwrap();
+    let whole = read_zipped_table(&path).unwrap();
+    assert_eq!((whole.n_rows(), whole.damage), (200_000, None));
+    assert_eq!(whole.notes, ["sensor size 346 x 260"]);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let cut = read_zipped_table(&path).unwrap();
+    assert!(cut.damage.unwrap().contains("cut"));
+    let n = cut.columns[1].1.len();
+    assert!((50_000..150_000).contains(&n), "{n}");
+    let expected: Vec<i64> = (0..n as i64).map(|i| i * 13 % 346).collect();
+    assert_eq!(cut.columns[1].1, Column::Int(expected));
+}
+
+#[test]
+fn decimals_are_the_nearest_numbers() {
+    for text in [
+        "-0.25",
+        "0.000",
+        "0.1",
+        "123456789.012345",
+        "1234567890.123456789",
+        "1.7",
+        "999999999999.999",
+        ".5",
+        "5.",
+        "1461581614.93",
+    ] {
+        let found = table(&format!("t,x\n{text},1\n")).unwrap();
+        assert_eq!(found.columns[0].1, Column::Float(vec![text.parse().unwrap()]), "{text}");
+    }
+    assert!(table("t,x\n1,1\n.,1\n").is_err());
+}

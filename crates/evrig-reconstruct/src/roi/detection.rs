@@ -18,6 +18,10 @@ pub enum LossReason {
     NotFound,
     /// Only tags of the family with other ids were detected.
     OtherId,
+    /// Only the mirror image of the tag was detected; looked for until the tag itself is detected.
+    Mirrored,
+    /// The tag was detected in several places.
+    Repeated,
     /// A corner is too close to the frame's border.
     AtBorder,
     /// The outline has too little contrast for a corner fit.
@@ -38,6 +42,8 @@ impl LossReason {
             Self::NoContrast => "no contrast",
             Self::NotFound => "no tag detected",
             Self::OtherId => "only tags with other ids",
+            Self::Mirrored => "mirror image of the tag",
+            Self::Repeated => "tag in several places",
             Self::AtBorder => "tag at the border",
             Self::Unclear => "low contrast of the outline",
             Self::Outlier => "outlier of the path",

@@ -98,6 +98,13 @@ impl GreyImage {
         Self { width, height, values, scale: 1 }
     }
 
+    /// The mirror image, left and right exchanged.
+    pub(super) fn mirrored(&self) -> Self {
+        let rows = self.values.chunks(self.width.max(1));
+        let values = rows.flat_map(|row| row.iter().rev().copied()).collect();
+        Self { width: self.width, height: self.height, values, scale: self.scale }
+    }
+
     pub(super) fn whole(&self) -> PixelWindow {
         PixelWindow { x0: 0, y0: 0, x1: self.width, y1: self.height }
     }

@@ -18,8 +18,10 @@ const LAST_LOOK_BLUR: f32 = 0.8;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct TagSearch {
     /// Corners of the requested tag, in the frame's pixels: bottom left, bottom right, top right,
-    /// top left.
+    /// top left. None where it is in several places: which of them is the target is not known.
     pub(super) corners: Option<[[f64; 2]; 4]>,
+    /// In how many places the requested tag is.
+    pub(super) n_places: usize,
     /// Ids of other tags of the family.
     pub(super) others: Vec<usize>,
 }
@@ -63,7 +65,7 @@ impl TagDetector {
             self.detector.set_decimation(decimation);
             self.detector.set_sigma(blur);
             let search = self.detect(&image, grey, window);
-            if search.corners.is_some() {
+            if search.n_places > 0 {
                 return search;
             }
             if search.others.len() > best.others.len() {
@@ -75,17 +77,20 @@ impl TagDetector {
 
     fn detect(&mut self, image: &Image, grey: &GreyImage, window: PixelWindow) -> TagSearch {
         let mut search = TagSearch::default();
-        let mut best = f32::NEG_INFINITY;
         for detection in self.detector.detect(image) {
             if detection.id() != self.id {
                 search.others.push(detection.id());
-            } else if detection.decision_margin() > best {
-                best = detection.decision_margin();
+            } else {
+                // The library merges detections that overlap.
+                search.n_places += 1;
                 let [dx, dy] = [window.x0 as f64, window.y0 as f64];
                 let scale = grey.scale as f64;
                 let corners = detection.corners();
                 search.corners = Some(corners.map(|[x, y]| [(x + dx) * scale, (y + dy) * scale]));
             }
+        }
+        if search.n_places > 1 {
+            search.corners = None;
         }
         search
     }

@@ -289,6 +289,24 @@ fn frames_that_show_nothing_are_counted_by_what_is_wrong_with_them() {
 }
 
 #[test]
+fn a_mirrored_image_and_a_repeated_tag_are_named_with_what_to_do() {
+    let plain = still(&TagCells::tag36h11(0), [90.3, 120.8]);
+    let mirrored: Vec<u8> = plain.chunks(346).flat_map(|row| row.iter().rev().copied()).collect();
+    let (fates, result) = show(&rig(), &mirrored);
+    assert_eq!(fates, [Some(LossReason::Mirrored); 5]);
+    let message = result.unwrap_err().to_string();
+    assert!(message.contains("mirrored: flip them"), "{message}");
+    // The other half of the image shows the tag once more.
+    let other = still(&TagCells::tag36h11(0), [255.3, 120.8]);
+    let rows = plain.chunks(346).zip(other.chunks(346));
+    let twice: Vec<u8> =
+        rows.flat_map(|(left, right)| [&left[..173], &right[173..]].concat()).collect();
+    let (fates, result) = show(&rig(), &twice);
+    assert_eq!(fates, [Some(LossReason::Repeated); 5]);
+    assert!(result.unwrap_err().to_string().contains("with another id"));
+}
+
+#[test]
 fn a_raw_mosaic_gives_its_corners_at_full_resolution() {
     let rig = rig();
     let mut dice = TestRandom(21);

@@ -232,6 +232,9 @@ impl<C: Clock> Tracker<C> {
         if grey.contrast() < MIN_CONTRAST * full {
             return LossReason::NoContrast;
         }
+        if search.n_places > 1 {
+            return LossReason::Repeated;
+        }
         for &id in &search.others {
             *self.others.entry((self.target.tag_family.clone(), id)).or_default() += 1;
         }
@@ -240,6 +243,10 @@ impl<C: Clock> Tracker<C> {
             && self.n_family_searches < MAX_FAMILY_SEARCHES
         {
             self.n_family_searches += 1;
+            let mirrored = grey.mirrored();
+            if self.detector.search(&mirrored, grey.whole(), self.decimation).n_places > 0 {
+                return LossReason::Mirrored;
+            }
             self.search_other_families(grey);
         }
         if search.others.is_empty() { LossReason::NotFound } else { LossReason::OtherId }
@@ -349,7 +356,15 @@ impl<C: Clock> Tracker<C> {
             .take(3)
             .map(|((family, id), n)| format!("{family} id {id} in {n}"))
             .collect();
-        let also = if named.is_empty() {
+        let has = |reason| self.tally.lost.contains_key(&reason);
+        let also = if has(LossReason::Mirrored) {
+            "; the images are mirrored: flip them before the import (ffmpeg -vf hflip, or numpy's \
+             frames[:, :, ::-1]), events as well, or switch the camera's mirroring off"
+                .to_owned()
+        } else if has(LossReason::Repeated) {
+            "; cover or mask all but one of the tags with this id, or print one with another id"
+                .to_owned()
+        } else if named.is_empty() {
             "; check the view, the focus, and the tag in the rig description".to_owned()
         } else {
             format!(

@@ -30,22 +30,56 @@ pub fn import_aedat4(
 ) -> Result<Manifest, SessionError> {
     // Refuse what is no AEDAT4 file before anything is made.
     drop(Reader::open(source)?);
-    let found = count_file(source, progress)?;
-    let n_bytes = std::fs::metadata(source).map_or(0, |about| about.len());
     let builder = SessionBuilder::take(root)?;
+    let origin = Origin::Aedat4 { file: file_name(source) };
+    let (decisions, losses) = (Vec::new(), Vec::new());
+    let source = Aedat4Source { file: source, path: source, origin, epoch, decisions, losses };
+    adopt(builder, source, progress)
+}
+
+/// An AEDAT4 file that becomes the file of a session.
+pub(super) struct Aedat4Source<'a> {
+    /// What the user gave.
+    pub(super) file: &'a Path,
+    /// The AEDAT4 file: what the user gave, or what was made of it inside the session.
+    pub(super) path: &'a Path,
+    pub(super) origin: Origin,
+    pub(super) epoch: EpochChoice,
+    /// What was decided and lost in making it.
+    pub(super) decisions: Vec<String>,
+    pub(super) losses: Vec<DataLoss>,
+}
+
+/// Counts, checks and takes in an AEDAT4 file. One inside the session is moved, others are copied.
+pub(super) fn adopt(
+    builder: SessionBuilder,
+    given: Aedat4Source<'_>,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Manifest, SessionError> {
+    let Aedat4Source { file: source, path: from, origin, epoch, mut decisions, losses } = given;
+    let found = count_file(from, progress)?;
+    let n_bytes = std::fs::metadata(from).map_or(0, |about| about.len());
     let path = builder.layout.davis();
-    let parted = PartedFile::write(source, &path, &found, epoch)?;
+    let is_inside = from.starts_with(builder.layout.root());
+    let parted = PartedFile::write(from, &path, &found, epoch)?;
     let (found, parted) = match parted {
         Some(parted) => {
             let damage = found.damage;
             let again = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
             (FileCounts { damage, ..again }, parted)
         }
+        None if is_inside => {
+            std::fs::rename(from, &path).map_err(SessionError::io(from))?;
+            (found, PartedFile::default())
+        }
         None => {
-            std::fs::copy(source, &path).map_err(SessionError::io(source))?;
+            std::fs::copy(from, &path).map_err(SessionError::io(from))?;
             (found, PartedFile::default())
         }
     };
+    if is_inside && from.exists() {
+        std::fs::remove_file(from).map_err(SessionError::io(from))?;
+    }
     progress(2 * n_bytes);
     let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
     if let (Some(damage), 0) = (&found.damage, n_read) {
@@ -55,14 +89,17 @@ pub fn import_aedat4(
     if epoch != EpochChoice::All {
         check_counts(source, &found)?;
     }
-    let whole = manifest(&builder, source, &path, &found)?;
-    let PartedFile { losses, mut decisions } = parted;
+    let whole = manifest(&builder, origin, &path, &found)?;
+    decisions.extend(parted.decisions);
     decisions.extend(named_streams(&whole.streams, &found));
-    let losses = whole.losses.iter().cloned().chain(losses).collect();
+    let losses = losses.into_iter().chain(whole.losses.iter().cloned()).chain(parted.losses);
+    let losses = losses.collect();
     let manifest = Manifest { losses, decisions, ..whole };
     let mut journal = Journal::open(&builder.layout.journal())?;
-    journal
-        .note("import aedat4", &json!({"file": file_name(source), "losses": manifest.losses}))?;
+    let note = json!({
+        "file": file_name(source), "decisions": manifest.decisions, "losses": manifest.losses,
+    });
+    journal.note("import", &note)?;
     builder.seal(&manifest)?;
     Ok(manifest)
 }
@@ -101,14 +138,13 @@ fn check_counts(source: &Path, found: &FileCounts) -> Result<(), SessionError> {
 
 fn manifest(
     builder: &SessionBuilder,
-    source: &Path,
+    origin: Origin,
     path: &Path,
     found: &FileCounts,
 ) -> Result<Manifest, SessionError> {
     let DescribedFile { streams, file, losses } = describe(builder, path, found)?;
     let is_whole = found.damage.is_none();
     let status = if is_whole { SessionStatus::Complete } else { SessionStatus::Recovered };
-    let origin = Origin::Aedat4 { file: file_name(source) };
     Ok(Manifest::new(builder.layout.root(), origin, status, streams, [file], losses))
 }
 

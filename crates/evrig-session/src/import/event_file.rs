@@ -1,9 +1,9 @@
-//! A file of events alone becomes a session.
+//! A table of events becomes a session.
 
 use super::builder::SessionBuilder;
 use super::event_table::{EventSetting, EventTableOptions};
 use super::frames::write_events;
-use super::imported_events::{self, CameraFormat};
+use super::imported_events;
 use crate::manifest::file_name;
 use crate::{Journal, Manifest, Origin, SessionError, SessionStatus, StreamName};
 use evrig_core::geometry::Size;
@@ -33,10 +33,7 @@ pub fn import_events(request: &ImportEvents<'_>, root: &Path) -> Result<Manifest
     let (entry, path) = write_events(&builder, &name, request.file, &found)?;
     let files = [builder.file_entry(&path)?];
     let ending = request.file.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let format = match CameraFormat::of_file(request.file)? {
-        Some(format) => format.name().to_owned(),
-        None => ending.unwrap_or_default(),
-    };
+    let format = ending.unwrap_or_default();
     let origin = Origin::Converted { file: file_name(request.file), format };
     let status = SessionStatus::Complete;
     let manifest = Manifest::new(root, origin, status, vec![entry], files, found.losses);

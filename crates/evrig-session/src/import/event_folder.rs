@@ -7,6 +7,7 @@ use super::event_file::{ImportEvents, import_events};
 use super::event_table::EventTableOptions;
 use super::frame_times::FrameTimes;
 use super::frames::{ImportFrames, import_frames};
+use super::raw_frames::RawFrameOptions;
 use crate::{Manifest, SessionError, StreamName};
 use evrig_core::geometry::Size;
 use std::path::Path;
@@ -36,6 +37,7 @@ pub fn import_event_folder(
         events: Some(&events),
         events_name: StreamName::new("real")?,
         options: options.clone(),
+        raw: RawFrameOptions::default(),
     };
     import_frames(&request, root)
 }

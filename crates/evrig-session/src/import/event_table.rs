@@ -61,8 +61,8 @@ pub(super) struct ImportedEvents {
 }
 
 /// Endings of tables.
-pub(super) const TABLE_ENDINGS: [&str; 9] =
-    ["npy", "npz", "csv", "txt", "tsv", "h5", "hdf5", "hdf", "parquet"];
+pub(super) const TABLE_ENDINGS: [&str; 10] =
+    ["npy", "npz", "csv", "txt", "tsv", "zip", "h5", "hdf5", "hdf", "parquet"];
 
 /// Reads the events of a table.
 pub(super) fn read(

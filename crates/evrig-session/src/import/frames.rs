@@ -3,6 +3,7 @@
 use super::builder::SessionBuilder;
 use super::event_table::{EventSetting, EventTableOptions, ImportedEvents, TimeUnit};
 use super::frame_times::{self, DecidedTimes, FrameTimes};
+use super::raw_frames::{self, RAW_ENDINGS, RawFrameOptions};
 use super::{images, imported_events};
 use crate::manifest::file_name;
 use crate::{
@@ -30,6 +31,8 @@ pub struct ImportFrames<'a> {
     pub events_name: StreamName,
     /// What the user states about the events.
     pub options: EventTableOptions,
+    /// What the user states about frames without a description.
+    pub raw: RawFrameOptions,
 }
 
 /// The frames' stream once its array is written.
@@ -52,6 +55,15 @@ pub fn import_frames(request: &ImportFrames<'_>, root: &Path) -> Result<Manifest
     let path = directory.join("frames.npy");
     let frames = if request.frames.is_dir() {
         from_folder(request, &path)?
+    } else if is_raw(request.frames) {
+        let given = raw_frames::RawFrameFile {
+            path: request.frames,
+            options: request.raw,
+            times: &request.times,
+            time_unit: request.frame_time_unit,
+        };
+        let raw_frames::RawArray { size, times, bits } = raw_frames::write_array(&given, &path)?;
+        ImportedFrames { size, times, bits }
     } else {
         from_array(request, &path)?
     };
@@ -236,6 +248,12 @@ pub(super) fn write_events(
     Ok((entry, path))
 }
 
+/// Whether a file holds frames without a description, by its ending.
+pub(super) fn is_raw(path: &Path) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    ending.is_some_and(|ending| RAW_ENDINGS.contains(&ending.as_str()))
+}
+
 /// Refuses files that hold frames in a form that is not read, with what makes readable ones.
 fn check_kind(path: &Path) -> Result<(), SessionError> {
     if !path.exists() {
@@ -249,9 +267,8 @@ fn check_kind(path: &Path) -> Result<(), SessionError> {
             "is a video; make images of it first: mkdir frames && ffmpeg -i '{name}' -fps_mode \
              passthrough frames/%06d.png, then give the folder and the video's rate with --fps"
         ),
-        "raw" | "bin" | "yuv" | "dng" => "holds frames without a description: rows may be padded, \
-             and samples packed to 10 or 12 bits; unpack them into an npy array of N x H x W, \
-             uint16"
+        "yuv" | "dng" => "holds frames in YUV or DNG, which are not read; unpack them into an npy \
+             array of N x H x W, uint16"
             .into(),
         "npz" => "is an archive of arrays; save the frames alone with numpy.save".into(),
         _ => return Ok(()),

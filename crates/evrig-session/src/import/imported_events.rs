@@ -8,7 +8,8 @@ use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_format::aedat4::{Content, PayloadKind, Reader};
-use evrig_format::{CameraEvents, aedat2, aedat3, prophesee, rosbag};
+use evrig_format::{CameraEvents, CameraFileError, RecordingNotes, RecordingSink};
+use evrig_format::{aedat2, aedat3, prophesee, rosbag, rosbag2};
 use std::io::Read;
 use std::path::Path;
 
@@ -20,6 +21,7 @@ pub(super) enum CameraFormat {
     Aedat4,
     Prophesee,
     RosBag,
+    RosMcap,
 }
 
 impl CameraFormat {
@@ -30,15 +32,22 @@ impl CameraFormat {
             _ if aedat3::is_header(start) => Self::Aedat3,
             _ if aedat2::is_header(start) => Self::Aedat2,
             _ if rosbag::is_header(start) => Self::RosBag,
+            _ if rosbag2::is_header(start) => Self::RosMcap,
             _ => return None,
         })
     }
 
     /// The format of a file.
     pub(super) fn of_file(path: &Path) -> Result<Option<Self>, SessionError> {
+        if path.is_dir() {
+            return Ok(holds_mcap(path).then_some(Self::RosMcap));
+        }
         let mut start = Vec::new();
         let file = std::fs::File::open(path).map_err(SessionError::io(path))?;
         file.take(16).read_to_end(&mut start).map_err(SessionError::io(path))?;
+        if start.starts_with(b"SQLite format 3") {
+            return Err(SessionError::import(path, SQLITE_REMEDY));
+        }
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let is_binary = matches!(ending.as_deref(), Some("raw" | "dat"));
         let is_prophesee = is_binary && prophesee::is_header(&start);
@@ -53,8 +62,38 @@ impl CameraFormat {
             Self::Aedat4 => "AEDAT4",
             Self::Prophesee => "Prophesee",
             Self::RosBag => "ROS bag",
+            Self::RosMcap => "ROS 2 MCAP",
         }
     }
+
+    /// Reads a recording of the format; AEDAT4 has its own reader.
+    pub(super) fn read(
+        self,
+        path: &Path,
+        size: Option<Size>,
+        sink: &mut RecordingSink<'_>,
+    ) -> Result<RecordingNotes, CameraFileError> {
+        match self {
+            Self::Aedat4 => Ok(RecordingNotes::default()),
+            Self::Aedat2 => aedat2::read(path, size, sink),
+            Self::Aedat3 => aedat3::read(path, sink),
+            Self::Prophesee => prophesee::read(path, sink),
+            Self::RosBag => rosbag::read(path, sink),
+            Self::RosMcap => rosbag2::read(path, sink),
+        }
+    }
+}
+
+/// SQLite itself would double the time of a build for a container that ROS 2 has replaced by MCAP.
+pub(super) const SQLITE_REMEDY: &str = "is a ROS 2 recording in SQLite, which is not read; make an \
+    MCAP file of it with `mcap convert IN.db3 OUT.mcap` (https://mcap.dev) or `rosbags-convert --src \
+    FOLDER --dst OUT --dst-storage mcap` (pip install rosbags)";
+
+/// Whether a folder is a ROS 2 recording in MCAP.
+fn holds_mcap(folder: &Path) -> bool {
+    let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    folder.join("metadata.yaml").exists()
+        && entries.any(|entry| entry.path().extension().is_some_and(|ending| ending == "mcap"))
 }
 
 /// Reads the events of a file, by its first bytes and its ending.
@@ -66,16 +105,13 @@ pub(super) fn read(
 ) -> Result<ImportedEvents, SessionError> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let format = CameraFormat::of_file(path)?;
-    let found = match format {
-        Some(CameraFormat::Aedat4) => return of_aedat4(path, stream, options, setting),
-        Some(CameraFormat::Aedat2) => Some(aedat2::read_events(path, setting.size)?),
-        Some(CameraFormat::Aedat3) => Some(aedat3::read_events(path)?),
-        Some(CameraFormat::Prophesee) => Some(prophesee::read_events(path)?),
-        Some(CameraFormat::RosBag) => Some(rosbag::read_events(path, options.table.as_deref())?),
-        None => None,
-    };
-    if let Some(found) = found {
+    if format == Some(CameraFormat::Aedat4) {
+        return of_aedat4(path, stream, options, setting);
+    }
+    if let Some(format) = format {
         refuse_table_options(path, options)?;
+        let read = |sink: &mut RecordingSink<'_>| format.read(path, setting.size, sink);
+        let found = CameraEvents::gather(path, options.table.as_deref(), read)?;
         return of_camera(path, stream, options, setting, found);
     }
     match ending.as_str() {
@@ -85,8 +121,8 @@ pub(super) fn read(
         _ => Err(SessionError::import(
             path,
             format!(
-                "events are read from AEDAT 2, 3.1 and 4, Prophesee's .raw and .dat, ROS 1 .bag and \
-                 from tables: .{}; `.{ending}` is none of them",
+                "events are read from AEDAT 2, 3.1 and 4, Prophesee's .raw and .dat, ROS 1 .bag, \
+                 ROS 2 .mcap and from tables: .{}; `.{ending}` is none of them",
                 event_table::TABLE_ENDINGS.join(", .")
             ),
         )),
@@ -113,7 +149,7 @@ fn of_aedat4(
         }
         _ => {
             let what =
-                format!("has the event streams {}; choose one with --table", names.join(", "));
+                format!("has the event streams {}; choose one with --topic", names.join(", "));
             return Err(SessionError::import(path, what));
         }
     };
@@ -170,7 +206,10 @@ fn of_camera(
 }
 
 /// Options of tables have no effect on a format that states its own columns and units.
-fn refuse_table_options(path: &Path, options: &EventTableOptions) -> Result<(), SessionError> {
+pub(super) fn refuse_table_options(
+    path: &Path,
+    options: &EventTableOptions,
+) -> Result<(), SessionError> {
     let given = [
         ("--time-unit", options.time_unit.is_some()),
         ("--columns", options.columns.is_some()),

@@ -17,10 +17,8 @@ pub(super) fn read(path: &Path, table: Option<&str>) -> Result<StoredTable, Sess
         "h5" | "hdf5" | "hdf" => hdf5::read_events(path, table)?,
         "parquet" => parquet::read_table(path)
             .map_err(|error| SessionError::Import { path: path.to_owned(), what: plain(&error) })?,
-        _ => text::read_table(path).map_err(|error| SessionError::Import {
-            path: path.to_owned(),
-            what: plain_text(error),
-        })?,
+        "zip" => text::read_zipped_table(path).map_err(|error| of_text(path, error))?,
+        _ => text::read_table(path).map_err(|error| of_text(path, error))?,
     })
 }
 
@@ -34,11 +32,12 @@ fn plain(error: &parquet::TableError) -> String {
     }
 }
 
-fn plain_text(error: text::TextTableError) -> String {
-    match error {
+fn of_text(path: &Path, error: text::TextTableError) -> SessionError {
+    let what = match error {
         text::TextTableError::Io { source, .. } => source.to_string(),
         text::TextTableError::Line { line, what, .. } => format!("line {line}: {what}"),
-    }
+    };
+    SessionError::import(path, what)
 }
 
 /// A structured array with named fields, or a plain one of N rows.
