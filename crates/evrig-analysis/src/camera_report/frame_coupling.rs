@@ -111,22 +111,26 @@ struct BurstCounts {
     total: WindowCounts,
 }
 
-/// Searches both polarities for bursts. `step_us` is the step of the stamps.
+/// Searches both polarities for bursts. `step_us` is the step of the stamps, `n_cycles` the number
+/// of frame cycles among which `frames` was chosen by the events.
 pub(super) fn coupling(
     events: EventSlice<'_>,
     size: Size,
     frames: &FrameStarts,
     step_us: f64,
+    n_cycles: f64,
 ) -> SectionResult<FrameCoupling> {
     let frames = frames.during(events.t);
     let fold = match FrameFold::new(&frames, MIN_FRAMES) {
         SectionResult::Known(fold) => fold,
-        SectionResult::TooFew { too_few } => return SectionResult::TooFew { too_few },
+        SectionResult::NotMeasured { not_measured } => {
+            return SectionResult::NotMeasured { not_measured };
+        }
     };
     let mut n_events = [0; 2];
     fold.visit(events.t, |i, _, _| n_events[usize::from(!events.on[i])] += 1);
     if n_events.iter().all(|n| *n < MIN_EVENTS as u64) {
-        return SectionResult::too_few(format!(
+        return SectionResult::not_measured(format!(
             "too few events for coupling to the frames: {} within the frames' cycles, at least \
              {MIN_EVENTS} of a polarity are needed",
             n_events[0] + n_events[1]
@@ -143,7 +147,7 @@ pub(super) fn coupling(
     };
     for on in [true, false] {
         if n_events[usize::from(!on)] >= MIN_EVENTS as u64 {
-            search(events, size, &fold, on, step_us, &mut found);
+            search(events, size, &fold, on, [step_us, n_cycles], &mut found);
         }
     }
     SectionResult::Known(found)
@@ -154,18 +158,19 @@ fn search(
     size: Size,
     fold: &FrameFold<'_>,
     on: bool,
-    step_us: f64,
+    [step_us, n_cycles]: [f64; 2],
     found: &mut FrameCoupling,
 ) {
     let mut table = PhaseTable::new(events, size, fold, on, step_us);
     if !table.is_searchable() {
         return;
     }
-    found.n_trials = table.n_trials();
+    let n_trials = n_cycles * table.n_trials();
+    found.n_trials = n_trials;
     let mut bursts: Vec<CouplingBurst> = Vec::new();
     for _ in 0..MAX_CANDIDATES {
         let Some(best) = table.best() else { break };
-        if found.n_trials * normal_tail(best.z) > LEVEL {
+        if n_trials * normal_tail(best.z) > LEVEL {
             break;
         }
         let Some(shape) = shape(events, size, fold, on, &best, table.bin_us) else {
@@ -177,7 +182,7 @@ fn search(
         table.remove(best.delay_us, best.row_us, 0.5 * best.width_us);
         table.remove(delay, row, half_us);
         let polarity = PolarityName::of(on);
-        match measure(events, fold, on, &shape, table.bin_us, found.n_trials) {
+        match measure(events, fold, on, &shape, table.bin_us, n_trials) {
             Ok(burst) if is_lamp(found.reference, &burst, size) => found
                 .rejected
                 .push(RejectedBurst::new(polarity, &shape, "all rows at once, as a lamp flickers")),
@@ -309,5 +314,28 @@ impl BurstCounts {
             }
         });
         counts
+    }
+}
+
+impl FrameCoupling {
+    /// Whether each event is in one of the bursts, or within its length before or after.
+    #[must_use]
+    pub fn burst_events(&self, events: EventSlice<'_>, frames: &FrameStarts) -> Vec<bool> {
+        let mut flags = vec![false; events.len()];
+        let frames = frames.during(events.t);
+        let SectionResult::Known(fold) = FrameFold::new(&frames, MIN_FRAMES) else { return flags };
+        if self.bursts.is_empty() {
+            return flags;
+        }
+        fold.visit(events.t, |i, _, since| {
+            let polarity = PolarityName::of(events.on[i]);
+            flags[i] = self.bursts.iter().filter(|burst| burst.polarity == polarity).any(|burst| {
+                let [low, high] = burst.window_us;
+                let line = burst.delay_us.value + burst.row_us.value * f64::from(events.y[i]);
+                let residual = fold.wrap(since - line);
+                (2.0 * low - high..2.0 * high - low).contains(&residual)
+            });
+        });
+        flags
     }
 }

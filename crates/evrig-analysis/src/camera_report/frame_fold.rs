@@ -69,7 +69,7 @@ impl<'a> FrameFold<'a> {
             Some(period_us) if n >= min_frames && period_us > 0.0 => {
                 SectionResult::Known(Self { starts: &frames.starts_us, period_us })
             }
-            _ => SectionResult::too_few(format!(
+            _ => SectionResult::not_measured(format!(
                 "too few frames to find events that follow them: {n}, at least {min_frames} are \
                  needed"
             )),
