@@ -4,6 +4,7 @@
 //! estimates with their errors, or states that the events are too few for it.
 
 mod background_activity;
+mod burst_profile;
 mod burst_shape;
 mod burst_wake;
 mod chance;
@@ -15,6 +16,7 @@ mod interval_counts;
 mod onset_fit;
 mod pixel_outliers;
 mod rate_lines;
+mod rate_spectrum;
 mod readout_limits;
 mod refractory_onset;
 mod shear_search;
@@ -24,6 +26,7 @@ mod stream_rates;
 mod threshold_ratio;
 
 pub use background_activity::BackgroundActivity;
+pub use burst_profile::ProfileBin;
 pub use burst_wake::BurstWake;
 pub use frame_coupling::{CouplingBurst, FrameCoupling, RejectedBurst};
 pub use frame_fold::{FrameReference, FrameStarts};
@@ -178,7 +181,8 @@ pub fn camera_report(
     let spread = spread.as_ref().map_or(events, Events::as_slice);
     let counts = PixelCounts::new(events, size);
     let pixels = pixel_outliers::outliers(&counts);
-    let hot = pixels.known().map_or_else(Vec::new, |pixels| pixels.hot_mask(size));
+    let hot = pixels.known().map(|pixels| pixels.hot_mask(size));
+    let hot = hot.unwrap_or_else(|| vec![false; size.n_pixels()]);
     let (frame_coupling, cycle) = follow_frames(spread, size, frames, step_us);
     let bursts = match (&frame_coupling, &cycle) {
         (SectionResult::Known(found), Some(cycle)) => found.burst_events(events, cycle),
@@ -223,7 +227,9 @@ fn follow_frames(
             Some(frames.clone()),
         );
     }
-    for cycle in frame_period::frame_periods(events, size) {
+    let cycles = frame_period::frame_periods(events, size).into_iter();
+    let by_strength = cycles.map(|cycle| (frame_coupling::strength(events, size, &cycle), cycle));
+    if let Some((_, cycle)) = by_strength.max_by(|a, b| a.0.total_cmp(&b.0)) {
         let n_cycles = frame_period::n_cycles(events.t);
         let coupling = frame_coupling::coupling(events, size, &cycle, step_us, n_cycles);
         if coupling.known().is_some_and(|found| !found.bursts.is_empty()) {
@@ -248,3 +254,6 @@ fn spread(events: EventSlice<'_>, step_us: f64) -> Events {
     spread.sort_by_time();
     spread
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,6 +5,7 @@
 //! [`LEVEL`]), both by the number of its events and by its excess frame by frame, and if it is
 //! there in either half of the time and either half of the pixels.
 
+use super::burst_profile::{ProfileBin, profile};
 use super::burst_shape::{BurstShape, shape};
 use super::burst_wake::{BurstWake, wake};
 use super::chance::{HALF_LEVEL_Z, LEVEL, binomial_tail, excess_z, normal_tail, student_tail};
@@ -25,6 +26,9 @@ const MIN_EVENTS: usize = 200;
 
 /// Candidates that are tested per polarity: a work budget.
 const MAX_CANDIDATES: usize = 12;
+
+/// Phase bins when cycles are compared: a sixteenth of the work of the search.
+const N_COARSE_BINS: f64 = 512.0;
 
 /// Without frames a burst is told from a lamp, which lights all rows at once, by its sweep: over
 /// all rows it takes longer than this many of its widths.
@@ -79,6 +83,8 @@ pub struct CouplingBurst {
     pub wake: Option<BurstWake>,
     /// Times about the line that hold the burst, µs.
     pub window_us: [f64; 2],
+    /// Events about the line, for plots.
+    pub profile: Vec<ProfileBin>,
 }
 
 /// A candidate and the check that rejects it.
@@ -151,6 +157,19 @@ pub(super) fn coupling(
         }
     }
     SectionResult::Known(found)
+}
+
+/// The largest excess over one cycle, at a coarse resolution: to choose among cycles. A multiple of
+/// the true cycle divides a burst, a part of it adds the background of the whole.
+pub(super) fn strength(events: EventSlice<'_>, size: Size, cycle: &FrameStarts) -> f64 {
+    let SectionResult::Known(fold) = FrameFold::new(cycle, MIN_FRAMES) else { return 0.0 };
+    let step_us = fold.period_us / N_COARSE_BINS;
+    let excess = |on| {
+        let table = PhaseTable::new(events, size, &fold, on, step_us);
+        let best = if table.is_searchable() { table.best() } else { None };
+        best.map_or(0.0, |best| best.z)
+    };
+    excess(true).max(excess(false))
 }
 
 fn search(
@@ -243,9 +262,7 @@ fn measure(
     let n = own.n_events as f64;
     let error = by_frame.standard_error() * own.frames.len() as f64 / n;
     let share_of = |counts: &WindowCounts, n_events: u64| {
-        let n = n_events.max(1) as f64;
-        let error = (counts.inside + ratio * ratio * outside(counts)).sqrt() / n;
-        Estimate::normal(excess(counts) / n, error, n_events)
+        share(counts.inside, ratio * outside(counts), ratio, n_events)
     };
     let other = BurstCounts::count(events, fold, !on, shape, bin_us);
     let background = (ratio * about).max(1.0);
@@ -267,7 +284,16 @@ fn measure(
         halves_z,
         wake: wake(events, fold, on, shape),
         window_us: shape.window_us,
+        profile: profile(events, fold, shape),
     })
+}
+
+/// Share of an excess over an expected background, whose window is `ratio` times as long as the
+/// surroundings that gave it.
+fn share(inside: f64, expected: f64, ratio: f64, n_events: u64) -> Estimate {
+    let n = n_events.max(1) as f64;
+    let error = (inside + ratio * expected).sqrt() / n;
+    Estimate::normal((inside - expected) / n, error, n_events)
 }
 
 impl BurstCounts {

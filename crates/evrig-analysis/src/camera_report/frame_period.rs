@@ -39,18 +39,26 @@ const MAX_EVENTS: usize = 500_000;
 /// Steps of a refinement to either side.
 const N_STEPS: i32 = 12;
 
-/// The most plausible frame cycles, best first.
+/// Multiples of a period that are tried: bursts that divide a frame's cycle into equal parts have
+/// their power at a multiple of the frame rate.
+const MAX_MULTIPLE: usize = 6;
+
+/// Plausible frame cycles.
 pub(super) fn frame_periods(events: EventSlice<'_>, size: Size) -> Vec<FrameStarts> {
     let Some(start_us) = events.t.first().copied() else { return Vec::new() };
     let frequencies = frequencies(events, size);
-    let cycles = frequencies.into_iter().map(|hz| {
+    let last_us = events.t.last().copied().unwrap_or(start_us);
+    let periods = frequencies.into_iter().flat_map(|hz| {
         let period_us = refine(events, size, 1e6 / hz);
-        let last_us = events.t.last().copied().unwrap_or(start_us);
+        let multiples = (1..=MAX_MULTIPLE).map(move |n| n as f64 * period_us);
+        multiples.filter(|period_us| 1e6 / period_us >= FRAME_RATE_HZ[0])
+    });
+    let cycle = |period_us: f64| {
         let n = ((last_us - start_us) as f64 / period_us) as usize;
         let starts = (0..=n).map(|i| start_us + (i as f64 * period_us).round() as i64);
         FrameStarts::new(starts.collect(), FrameReference::FoundPeriod)
-    });
-    cycles.collect()
+    };
+    periods.map(cycle).collect()
 }
 
 /// Cycles that were compared: all rates of the range, as far apart as shifts the last frame by one

@@ -12,9 +12,8 @@ const MIN_PEAK_EVENTS: f64 = 25.0;
 /// A later bin is higher beyond this many standard errors: about one bin in 700 by chance.
 const HIGHER_Z: f64 = 3.0;
 
-/// Lags beyond the highest hazard that are fitted too, in its lag: a hazard that falls as 1/t is
-/// then three quarters of it.
-const PAST_PEAK: f64 = 1.3;
+/// Lags beyond the highest hazard that are fitted too, in its lag: an octave holds its level.
+const PAST_PEAK: f64 = 2.0;
 
 /// Bins per octave, and per period about the onset: finer than the errors of a thousand intervals.
 const BINS_PER_OCTAVE: f64 = 8.0;

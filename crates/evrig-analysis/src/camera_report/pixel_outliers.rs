@@ -31,6 +31,9 @@ pub struct PixelOutliers {
     pub n_testable: u64,
     /// Pixels of the sensor.
     pub n_pixels: u64,
+    /// Events of each pixel, row by row.
+    #[serde(skip)]
+    pub counts: Vec<u32>,
 }
 
 /// A pixel with many times its neighbours' events, in either half of the time.
@@ -152,6 +155,7 @@ pub(super) fn outliers(pixels: &PixelCounts) -> SectionResult<PixelOutliers> {
         n_without_events,
         n_testable,
         n_pixels: n_pixels as u64,
+        counts: (0..n_pixels).map(|pixel| pixels.total(pixel)).collect(),
     })
 }
 

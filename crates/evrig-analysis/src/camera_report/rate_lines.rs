@@ -7,13 +7,11 @@
 
 use super::SectionResult;
 use super::chance::LEVEL;
-use super::fourier::transform;
+use super::rate_spectrum::{LINE_BINS, RateSpectrum};
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_core::stats::{Estimate, upper_median};
 use serde::Serialize;
-use statrs::function::gamma::gamma_ur;
-use std::f64::consts::TAU;
 
 /// Samples of a stretch and their distance: up to 1 kHz, and with stretches of 4 s as fine as mains
 /// and lamps are stable (0.2 Hz).
@@ -25,10 +23,6 @@ const MIN_STRETCH_SAMPLES: usize = 1 << 9;
 
 /// Below lies the motion of the scene.
 const MIN_FREQUENCY_HZ: f64 = 4.0;
-
-/// Frequencies to either side, beyond the line itself, whose median power is the noise's.
-const SURROUNDING_BINS: usize = 40;
-const LINE_BINS: usize = 3;
 
 /// Tiles of the sensor along either side.
 const N_TILES: usize = 4;
@@ -60,6 +54,10 @@ pub enum RateSeries {
     Difference,
 }
 
+/// Series that are searched.
+const SERIES: [RateSeries; 4] =
+    [RateSeries::On, RateSeries::Off, RateSeries::Sum, RateSeries::Difference];
+
 /// Spectral lines.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RateLines {
@@ -83,7 +81,8 @@ pub struct RateLines {
 pub struct RateLine {
     /// Frequency, Hz.
     pub frequency_hz: Estimate,
-    /// Amplitude of the rate's sine, as a share of the mean rate of all events there.
+    /// Amplitude of the rate's sine, as a share of the series' mean rate there; of the difference,
+    /// as a share of all events' rate.
     pub amplitude: Estimate,
     /// Events in which it is most significant.
     pub series: RateSeries,
@@ -103,14 +102,6 @@ struct RateCounts {
     sample_us: f64,
     n_samples: usize,
     n_stretches: usize,
-}
-
-/// Mean power by frequency.
-struct RateSpectrum {
-    power: Vec<f64>,
-    /// Noise's power, from the surroundings.
-    noise: Vec<f64>,
-    n_stretches: f64,
 }
 
 /// Finds lines that are no harmonics of the frames.
@@ -133,7 +124,7 @@ pub(super) fn lines(
         ));
     }
     let counts = RateCounts::new(events, size, hot);
-    let resolution_hz = 1e6 / (counts.sample_us * counts.n_samples as f64);
+    let resolution_hz = counts.resolution_hz();
     let is_comb = |hz: f64| {
         frame_period_us.is_some_and(|us| {
             let order = hz * us * 1e-6;
@@ -141,55 +132,49 @@ pub(super) fn lines(
             order > 0.5 && off_hz < 1.5 * resolution_hz + COMB_TOLERANCE * hz
         })
     };
-    let series = [RateSeries::On, RateSeries::Off, RateSeries::Sum, RateSeries::Difference];
-    let first_bin = (MIN_FREQUENCY_HZ / resolution_hz).ceil() as usize;
-    let n_bins = counts.n_samples / 2;
-    let n_trials = (n_bins.saturating_sub(first_bin) * series.len() * (N_PARTS - 2)) as f64;
-    let mut found: Vec<RateLine> = Vec::new();
-    let mut whole = None;
-    for part in 0..CHECKERBOARD {
-        for of in series {
-            if counts.n_events(part) < MIN_EVENTS {
-                continue;
-            }
+    let bins = (MIN_FREQUENCY_HZ / resolution_hz).ceil() as usize..counts.n_samples / 2;
+    let n_trials = (bins.len() * SERIES.len() * (N_PARTS - 2)) as f64;
+    let mut found: Vec<(f64, RateLine)> = Vec::new();
+    for part in (0..CHECKERBOARD).filter(|part| counts.n_events(*part) >= MIN_EVENTS) {
+        for of in SERIES {
             let spectrum = counts.spectrum(part, of, None);
-            for bin in first_bin..n_bins {
+            for bin in bins.clone() {
                 let chance = n_trials * spectrum.chance(bin);
-                let hz = bin as f64 * resolution_hz;
-                if chance <= LEVEL && spectrum.is_peak(bin) && !is_comb(hz) {
-                    found.push(counts.line(&spectrum, bin, part, of, chance));
+                let is_line = chance <= LEVEL && spectrum.is_peak(bin);
+                if is_line && !is_comb(bin as f64 * resolution_hz) {
+                    let line = counts.line(&spectrum, bin, part, of, chance);
+                    found.push((spectrum.ratio(bin), line));
                 }
-            }
-            if (part, of) == (0, RateSeries::Sum) {
-                whole = Some(spectrum);
             }
         }
     }
-    found.sort_by(|a, b| a.false_alarm_probability.total_cmp(&b.false_alarm_probability));
+    let whole = counts.spectrum(0, RateSeries::Sum, None);
+    let needed = whole.ratio_at(LEVEL / n_trials);
+    let noise = upper_median(&mut whole.noise[bins.start..].to_vec()).unwrap_or(f64::NAN);
+    SectionResult::Known(RateLines {
+        lines: distinct_lines(&counts, found),
+        resolution_hz,
+        max_hz: 0.5e6 / counts.sample_us,
+        n_trials,
+        detectable_amplitude: counts.amplitude(needed * noise, 0, RateSeries::Sum),
+        spectrum: bins.map(|bin| [bin as f64 * resolution_hz, whole.ratio(bin)]).collect(),
+    })
+}
+
+/// One line of each frequency, strongest first, if either half of the events has it. Probabilities
+/// of strong lines are zero in a double; their ratios to noise still differ.
+fn distinct_lines(counts: &RateCounts, mut found: Vec<(f64, RateLine)>) -> Vec<RateLine> {
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let width_hz = (LINE_BINS + 1) as f64 * counts.resolution_hz();
     let mut lines: Vec<RateLine> = Vec::new();
-    for line in found {
+    for (_, line) in found {
         let hz = line.frequency_hz.value;
-        let is_new = |other: &RateLine| {
-            (other.frequency_hz.value - hz).abs() > (LINE_BINS + 1) as f64 * resolution_hz
-        };
+        let is_new = |other: &RateLine| (other.frequency_hz.value - hz).abs() > width_hz;
         if lines.len() < MAX_LINES && lines.iter().all(is_new) && counts.holds_in_halves(&line) {
             lines.push(line);
         }
     }
-    let (spectrum, detectable_amplitude) = whole.map_or((Vec::new(), f64::NAN), |spectrum| {
-        let at = |bin: usize| [bin as f64 * resolution_hz, spectrum.ratio(bin)];
-        let needed = spectrum.ratio_at(LEVEL / n_trials);
-        let noise = upper_median(&mut spectrum.noise[first_bin..].to_vec()).unwrap_or(f64::NAN);
-        ((first_bin..n_bins).map(at).collect(), counts.amplitude(needed * noise, 0))
-    });
-    SectionResult::Known(RateLines {
-        lines,
-        resolution_hz,
-        max_hz: 0.5e6 / counts.sample_us,
-        n_trials,
-        detectable_amplitude,
-        spectrum,
-    })
+    lines
 }
 
 impl RateCounts {
@@ -220,8 +205,23 @@ impl RateCounts {
         Self { parts, sample_us, n_samples, n_stretches }
     }
 
+    fn resolution_hz(&self) -> f64 {
+        1e6 / (self.sample_us * self.n_samples as f64)
+    }
+
     fn n_events(&self, part: usize) -> f64 {
         self.parts[part].iter().flatten().map(|n| f64::from(*n)).sum()
+    }
+
+    fn n_series(&self, part: usize, of: RateSeries) -> f64 {
+        let count = |polarity: usize| -> f64 {
+            self.parts[part][polarity].iter().map(|n| f64::from(*n)).sum()
+        };
+        match of {
+            RateSeries::On => count(0),
+            RateSeries::Off => count(1),
+            RateSeries::Sum | RateSeries::Difference => count(0) + count(1),
+        }
     }
 
     /// Mean power over the stretches, or those of one half of the time.
@@ -250,22 +250,15 @@ impl RateCounts {
                 chunks.skip(range.start).take(range.len()).collect()
             }
         };
-        let mut power = vec![0.0; stretches.first().map_or(0, |stretch| stretch.len() / 2)];
-        for stretch in &stretches {
-            add_power(stretch, &mut power);
-        }
-        let n_stretches = stretches.len().max(1) as f64;
-        power.iter_mut().for_each(|power| *power /= n_stretches);
-        let noise = surroundings(&power, n_stretches);
-        RateSpectrum { power, noise, n_stretches }
+        RateSpectrum::of(&stretches)
     }
 
     /// Amplitude of the sine with a power beyond noise, relative to the part's rate.
-    fn amplitude(&self, power: f64, part: usize) -> f64 {
+    fn amplitude(&self, power: f64, part: usize, of: RateSeries) -> f64 {
         // A sine of amplitude a per sample has the power (a n / 4)^2 under Hann's window.
         let per_sample = 4.0 * power.max(0.0).sqrt() / self.n_samples as f64;
         let total = (self.n_samples * self.n_stretches) as f64;
-        per_sample / (self.n_events(part) / total).max(f64::MIN_POSITIVE)
+        per_sample / (self.n_series(part, of) / total).max(f64::MIN_POSITIVE)
     }
 
     fn line(
@@ -276,7 +269,7 @@ impl RateCounts {
         series: RateSeries,
         chance: f64,
     ) -> RateLine {
-        let step_hz = 1e6 / (self.sample_us * self.n_samples as f64);
+        let step_hz = self.resolution_hz();
         // Two thirds of the power of a line under Hann's window is in its bin; the centroid of
         // three bins gives the frequency, with an error by the ratio to noise.
         let near = [bin - 1, bin, bin + 1].map(|bin| {
@@ -287,8 +280,8 @@ impl RateCounts {
         let offset = (near[2] - near[0]) / all.max(f64::MIN_POSITIVE);
         let ratio = spectrum.ratio(bin).max(1.0);
         let error = 0.5 / (ratio * spectrum.n_stretches).sqrt();
-        let amplitude = self.amplitude(near[1], part);
-        let n = self.n_events(part) as u64;
+        let amplitude = self.amplitude(near[1], part, series);
+        let n = self.n_series(part, series) as u64;
         RateLine {
             frequency_hz: Estimate::normal((bin as f64 + offset) * step_hz, error * step_hz, n),
             amplitude: Estimate::normal(
@@ -316,71 +309,4 @@ impl RateCounts {
             || (0..2).all(|half| holds(&self.spectrum(CHECKERBOARD + half, line.series, None)));
         in_time && in_pixels
     }
-}
-
-impl RateSpectrum {
-    fn ratio(&self, bin: usize) -> f64 {
-        match (self.power.get(bin), self.noise.get(bin)) {
-            (Some(power), Some(noise)) if *noise > 0.0 => power / noise,
-            _ => 0.0,
-        }
-    }
-
-    /// Probability that noise has the power of a bin or more.
-    fn chance(&self, bin: usize) -> f64 {
-        let ratio = self.ratio(bin);
-        if ratio <= 1.0 { 1.0 } else { gamma_ur(self.n_stretches, self.n_stretches * ratio) }
-    }
-
-    /// The ratio to noise that noise exceeds with a probability.
-    fn ratio_at(&self, chance: f64) -> f64 {
-        let (mut low, mut high) = (1.0, 1e3);
-        for _ in 0..60 {
-            let middle: f64 = 0.5 * (low + high);
-            let is_below = gamma_ur(self.n_stretches, self.n_stretches * middle) > chance;
-            (low, high) = if is_below { (middle, high) } else { (low, middle) };
-        }
-        high
-    }
-
-    fn is_peak(&self, bin: usize) -> bool {
-        let from = bin.saturating_sub(LINE_BINS);
-        let near = &self.power[from..(bin + LINE_BINS + 1).min(self.power.len())];
-        near.iter().all(|power| *power <= self.power[bin])
-    }
-}
-
-/// Adds the power of a stretch under Hann's window, which keeps slow changes out of high
-/// frequencies.
-fn add_power(stretch: &[f64], power: &mut [f64]) {
-    let n = stretch.len();
-    let mean = stretch.iter().sum::<f64>() / n as f64;
-    let mut re: Vec<f64> = stretch
-        .iter()
-        .enumerate()
-        .map(|(i, value)| (value - mean) * 0.5 * (1.0 - (TAU * i as f64 / n as f64).cos()))
-        .collect();
-    let mut im = vec![0.0; n];
-    transform(&mut re, &mut im);
-    for (bin, power) in power.iter_mut().enumerate() {
-        *power += re[bin] * re[bin] + im[bin] * im[bin];
-    }
-}
-
-/// Mean power of noise at each frequency: the median of the surroundings over the median of a
-/// gamma variable with mean one (Wilson and Hilferty).
-fn surroundings(power: &[f64], n_stretches: f64) -> Vec<f64> {
-    let median = (1.0 - 1.0 / (9.0 * n_stretches)).powi(3);
-    let median = if n_stretches < 1.5 { std::f64::consts::LN_2 } else { median };
-    let mut near = Vec::with_capacity(2 * SURROUNDING_BINS);
-    (0..power.len())
-        .map(|bin| {
-            near.clear();
-            let from = bin.saturating_sub(SURROUNDING_BINS).max(1);
-            let to = (bin + SURROUNDING_BINS + 1).min(power.len());
-            let around = (from..to).filter(|other| other.abs_diff(bin) > LINE_BINS);
-            near.extend(around.map(|other| power[other]));
-            upper_median(&mut near).unwrap_or(0.0) / median
-        })
-        .collect()
 }

@@ -41,49 +41,23 @@ pub(super) fn ratio(
     hot: &[bool],
     left_out: &[[u32; 2]],
 ) -> SectionResult<ThresholdRatio> {
-    let [mut all_on, mut all_off] = [0_u64; 2];
-    let mut busy: Vec<(u32, usize, [u32; 2])> = Vec::new();
-    for (pixel, hot) in hot.iter().enumerate() {
-        let [on, off] = pixels.by_polarity(pixel);
-        all_on += u64::from(on);
-        all_off += u64::from(off);
-        let [burst_on, burst_off] = left_out.get(pixel).copied().unwrap_or_default();
-        let kept = [on.saturating_sub(burst_on), off.saturating_sub(burst_off)];
-        let total = kept[0] + kept[1];
-        if !hot && total >= MIN_EVENTS_PER_PIXEL {
-            busy.push((total, pixel, kept));
-        }
-    }
+    let all = hot.iter().enumerate().map(|(pixel, _)| pixels.by_polarity(pixel));
+    let [all_on, all_off] =
+        all.fold([0_u64; 2], |[on, off], [a, b]| [on + u64::from(a), off + u64::from(b)]);
     if all_on == 0 || all_off == 0 {
         return SectionResult::not_measured(format!(
             "too few polarities for the ratio of thresholds: {all_on} ON and {all_off} OFF events, \
              both are needed"
         ));
     }
-    busy.sort_unstable_by(|a, b| b.cmp(a));
-    let enough = BUSY_SHARE * (all_on + all_off) as f64;
-    let mut sum = 0.0;
-    let n_used = busy.iter().take_while(|(n, _, _)| {
-        let is_needed = sum < enough;
-        sum += f64::from(*n);
-        is_needed
-    });
-    let n_used = n_used.count();
-    let mut tiles = vec![[0.0; 2]; N_TILES * N_TILES];
-    for (_, pixel, [on, off]) in &busy[..n_used] {
-        let [x, y] = [pixel % usize::from(size.width), pixel / usize::from(size.width)];
-        let [column, row] =
-            [x * N_TILES / usize::from(size.width), y * N_TILES / usize::from(size.height)];
-        let tile = &mut tiles[row * N_TILES + column];
-        tile[0] += f64::from(*on);
-        tile[1] += f64::from(*off);
-    }
-    tiles.retain(|tile| tile[0] + tile[1] > 0.0);
+    let busy = busy_pixels(pixels, hot, left_out, BUSY_SHARE * (all_on + all_off) as f64);
+    let tiles = tile_sums(&busy, size);
     let [on, off] = [0, 1].map(|i| tiles.iter().map(|tile| tile[i]).sum::<f64>());
     if tiles.len() < MIN_TILES || on <= 0.0 || off <= 0.0 {
         return SectionResult::not_measured(format!(
-            "too few events for the ratio of thresholds: {n_used} pixels in {} of {} tiles have \
+            "too few events for the ratio of thresholds: {} pixels in {} of {} tiles have \
              {MIN_EVENTS_PER_PIXEL} events or more, at least {MIN_TILES} tiles are needed",
+            busy.len(),
             tiles.len(),
             N_TILES * N_TILES
         ));
@@ -95,7 +69,50 @@ pub(super) fn ratio(
     let error = (m / (m - 1.0) * residuals).sqrt() / on;
     SectionResult::Known(ThresholdRatio {
         on_over_off: Estimate::normal(value, error, (on + off) as u64),
-        n_pixels: n_used as u64,
+        n_pixels: busy.len() as u64,
         on_share: all_on as f64 / (all_on + all_off) as f64,
     })
+}
+
+/// The busiest pixels with a number of events together, and the ON and OFF events of each.
+fn busy_pixels(
+    pixels: &PixelCounts,
+    hot: &[bool],
+    left_out: &[[u32; 2]],
+    enough: f64,
+) -> Vec<(usize, [u32; 2])> {
+    let kept = |pixel: usize| {
+        let [on, off] = pixels.by_polarity(pixel);
+        let [burst_on, burst_off] = left_out.get(pixel).copied().unwrap_or_default();
+        [on.saturating_sub(burst_on), off.saturating_sub(burst_off)]
+    };
+    let cool = hot.iter().enumerate().filter(|(_, hot)| !**hot);
+    let mut busy: Vec<(usize, [u32; 2])> = cool
+        .map(|(pixel, _)| (pixel, kept(pixel)))
+        .filter(|(_, [on, off])| on + off >= MIN_EVENTS_PER_PIXEL)
+        .collect();
+    busy.sort_by_key(|(_, [on, off])| std::cmp::Reverse(on + off));
+    let mut sum = 0.0;
+    let is_needed = |(_, [on, off]): &&(usize, [u32; 2])| {
+        let is_needed = sum < enough;
+        sum += f64::from(on + off);
+        is_needed
+    };
+    let n = busy.iter().take_while(is_needed).count();
+    busy.truncate(n);
+    busy
+}
+
+/// ON and OFF events of each tile that has any.
+fn tile_sums(busy: &[(usize, [u32; 2])], size: Size) -> Vec<[f64; 2]> {
+    let [width, height] = [size.width, size.height].map(usize::from);
+    let mut tiles = vec![[0.0; 2]; N_TILES * N_TILES];
+    for (pixel, [on, off]) in busy {
+        let [column, row] = [pixel % width * N_TILES / width, pixel / width * N_TILES / height];
+        let tile = &mut tiles[row * N_TILES + column];
+        tile[0] += f64::from(*on);
+        tile[1] += f64::from(*off);
+    }
+    tiles.retain(|tile| tile[0] + tile[1] > 0.0);
+    tiles
 }
