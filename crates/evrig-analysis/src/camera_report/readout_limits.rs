@@ -77,7 +77,7 @@ pub(super) fn limits(events: EventSlice<'_>, step_us: f64) -> SectionResult<Read
         mean_per_ms: n as f64 / n_bins as f64,
         scatter_at_peak,
         ceiling_hz,
-        service_us: service(events.t, step_us),
+        service_us: service(events.t),
     })
 }
 
@@ -106,11 +106,11 @@ fn scatter(counts: &[u32]) -> (Estimate, f64) {
 }
 
 /// The most common gap between stamps, if hardly any is shorter: the time a saturated bus takes.
-fn service(t: &[i64], step_us: f64) -> Option<Estimate> {
+pub(super) fn service(t: &[i64]) -> Option<Estimate> {
     let [shortest, longest] = SERVICE_US;
     let mut counts = vec![0_u64; longest + 2];
     t.windows(2).for_each(|pair| counts[((pair[1] - pair[0]) as usize).min(longest + 1)] += 1);
-    let all = (t.len() - 1) as f64;
+    let all = t.len().saturating_sub(1) as f64;
     let common = (0..=longest).max_by_key(|gap| counts[*gap])?;
     if common < shortest {
         return None;
@@ -120,8 +120,8 @@ fn service(t: &[i64], step_us: f64) -> Option<Estimate> {
     let shorter: u64 = counts[..low].iter().sum();
     let own: u64 = counts[low..=high].iter().sum();
     let is_busy = own as f64 >= MIN_BUSY_SHARE * all && shorter as f64 <= MAX_SHORTER_SHARE * all;
-    // A step of the stamps is no service time.
-    if !is_busy || step_us > 1.0 {
+    // On a grid of stamps, equal ones are at least half as frequent as neighbouring ones.
+    if !is_busy {
         return None;
     }
     let sum: f64 = (low..=high).map(|gap| gap as f64 * counts[gap] as f64).sum();

@@ -1,6 +1,7 @@
 //! A common step of the stamps, as simulators with a fixed time step and slow counters give.
 
 use super::SectionResult;
+use super::readout_limits::service;
 use evrig_core::event::EventSlice;
 use evrig_core::stats::MeanDirection;
 use serde::Serialize;
@@ -24,11 +25,6 @@ const MAX_FIRST_HALF_WIDTH_US: f64 = 640_000.0;
 
 /// Share of pairs with equal stamps that lie in one row when rows are read one per step.
 const MIN_SAME_ROW_SHARE: f64 = 0.9;
-
-/// Share of pairs with equal stamps below which one event is read per step, and least share of
-/// pairs one step apart then.
-const MAX_SERIAL_TIE_SHARE: f64 = 0.01;
-const MIN_SERIAL_STEP_SHARE: f64 = 0.3;
 
 /// Fewest distinct stamps: chance gives 20 of them a common divisor of two with probability 1e-6.
 const MIN_DISTINCT: usize = 20;
@@ -83,23 +79,15 @@ pub(super) fn stamp_step(events: EventSlice<'_>) -> SectionResult<StampStep> {
 
 /// Whether the step is that of a busy readout, which reads an event or a row at a time.
 fn is_readout_beat(events: EventSlice<'_>, step_us: f64) -> bool {
-    let (mut n_together, mut n_of_one_row, mut n_next) = (0.0, 0.0, 0.0);
+    let (mut n_together, mut n_of_one_row) = (0.0, 0.0);
     for (t, y) in events.t.windows(2).zip(events.y.windows(2)) {
-        match ((t[1] - t[0]) as f64 / step_us).round() as i64 {
-            0 => {
-                n_together += 1.0;
-                n_of_one_row += f64::from(u8::from(y[0] == y[1]));
-            }
-            1 => n_next += 1.0,
-            _ => {}
+        if 2.0 * ((t[1] - t[0]) as f64) < step_us {
+            n_together += 1.0;
+            n_of_one_row += f64::from(u8::from(y[0] == y[1]));
         }
     }
-    let all = events.len() as f64;
-    if n_together > MAX_SERIAL_TIE_SHARE * all {
-        n_of_one_row >= MIN_SAME_ROW_SHARE * n_together
-    } else {
-        n_next >= MIN_SERIAL_STEP_SHARE * all
-    }
+    let is_row_readout = n_together > 0.0 && n_of_one_row >= MIN_SAME_ROW_SHARE * n_together;
+    is_row_readout || service(events.t).is_some()
 }
 
 fn common_divisor(mut a: u64, mut b: u64) -> u64 {

@@ -38,7 +38,10 @@ fn pixel_map(report: &CameraReport) -> Result<Option<Figure>, PixelImageError> {
     let place = |[x, y]: [u16; 2]| [f64::from(x), f64::from(report.size.height - 1 - y)];
     let hot = pixels.hot.iter().map(|hot| place([hot.x, hot.y])).collect();
     let silent = pixels.silent.iter().copied().map(place).collect();
+    let mut legend = Vec::new();
     if !pixels.hot.is_empty() || !pixels.silent.is_empty() {
+        legend.push(LegendEntry::new(Ink::On, LegendMark::Dot, "hot"));
+        legend.push(LegendEntry::new(Ink::Off, LegendMark::Dot, "silent"));
         let chart = Chart {
             x: axis("column", report.size.width),
             y: axis("rows from below", report.size.height),
@@ -56,10 +59,7 @@ fn pixel_map(report: &CameraReport) -> Result<Option<Figure>, PixelImageError> {
         caption: "Hot pixels have more than four times the events of their second busiest \
             neighbour, in either half of the time."
             .into(),
-        legend: vec![
-            LegendEntry::new(Ink::On, LegendMark::Dot, "hot"),
-            LegendEntry::new(Ink::Off, LegendMark::Dot, "silent"),
-        ],
+        legend,
         panels,
         data: None,
     }))
