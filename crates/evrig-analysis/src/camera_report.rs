@@ -25,7 +25,7 @@ mod stamp_ties;
 mod stream_rates;
 mod threshold_ratio;
 
-pub use background_activity::BackgroundActivity;
+pub use background_activity::IsolatedEventRates;
 pub use burst_profile::ProfileBin;
 pub use burst_wake::BurstWake;
 pub use frame_coupling::{CouplingBurst, FrameCoupling, RejectedBurst};
@@ -119,7 +119,7 @@ pub struct CameraReport {
     /// Onset of the interval between two events of a pixel, by their polarities.
     pub refractory: Vec<SectionResult<RefractoryOnset>>,
     /// Isolated events.
-    pub background: SectionResult<BackgroundActivity>,
+    pub background: SectionResult<IsolatedEventRates>,
     /// Flicker.
     pub rate_lines: SectionResult<RateLines>,
     /// Limits of the readout.

@@ -32,7 +32,7 @@ const NO_PROBE: u32 = u32::MAX;
 
 /// Rates of isolated events.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct BackgroundActivity {
+pub struct IsolatedEventRates {
     /// ON events per pixel and second; the interval is Poisson's, with the error of the time.
     pub on_hz: Estimate,
     /// OFF events per pixel and second.
@@ -55,7 +55,7 @@ struct EmptinessProbe {
 
 /// The last event of a pixel.
 #[derive(Debug, Clone, Copy)]
-struct PixelState {
+struct LastPixelEvent {
     t: i64,
     /// Whether no other event was near it so far: then its polarity counts.
     is_isolated: bool,
@@ -69,7 +69,7 @@ pub(super) fn background(
     size: Size,
     hot: &[bool],
     is_burst: &[bool],
-) -> SectionResult<BackgroundActivity> {
+) -> SectionResult<IsolatedEventRates> {
     let [first, last] = [events.t.first(), events.t.last()].map(|t| t.copied().unwrap_or(0));
     let seconds = (last - first) as f64 * 1e-6;
     let n_hot = hot.iter().filter(|hot| **hot).count();
@@ -107,7 +107,7 @@ struct SurroundingsWalk {
     size: Size,
     window: i64,
     inner: [i64; 2],
-    states: Vec<PixelState>,
+    states: Vec<LastPixelEvent>,
     probes: Vec<EmptinessProbe>,
     next_probe: usize,
     n_isolated: [u64; 2],
@@ -126,7 +126,7 @@ impl SurroundingsWalk {
         probes.retain(|probe| !hot.get(probe.pixel as usize).copied().unwrap_or(false));
         probes.sort_by_key(|probe| probe.t);
         let nothing =
-            PixelState { t: i64::MIN / 2, is_isolated: false, on: false, last_probe: NO_PROBE };
+            LastPixelEvent { t: i64::MIN / 2, is_isolated: false, on: false, last_probe: NO_PROBE };
         let states = vec![nothing; size.n_pixels()];
         Self { size, window, inner, states, probes, next_probe: 0, n_isolated: [0; 2] }
     }
@@ -190,7 +190,7 @@ impl SurroundingsWalk {
         self.probes[index].previous = std::mem::replace(&mut state.last_probe, index as u32);
     }
 
-    fn finish(mut self, pixel_seconds: f64) -> SectionResult<BackgroundActivity> {
+    fn finish(mut self, pixel_seconds: f64) -> SectionResult<IsolatedEventRates> {
         while self.next_probe < self.probes.len() {
             self.probe(self.next_probe);
             self.next_probe += 1;
@@ -217,6 +217,6 @@ impl SurroundingsWalk {
         };
         let [on_hz, off_hz] = self.n_isolated.map(rate);
         let window_us = self.window as f64;
-        SectionResult::Known(BackgroundActivity { on_hz, off_hz, window_us, empty_share })
+        SectionResult::Known(IsolatedEventRates { on_hz, off_hz, window_us, empty_share })
     }
 }

@@ -91,7 +91,7 @@ pub(super) fn shape(
 }
 
 /// Correction of a line with its errors, and the burst's events.
-struct LineFit {
+struct DelayLineFit {
     shift_us: f64,
     shift_error_us: f64,
     slope_us: f64,
@@ -156,7 +156,7 @@ impl ResidualBands {
     }
 
     /// Mean residual against row, over the bands; residuals beyond `core_us` are background.
-    fn line(&self, core_us: f64) -> Option<LineFit> {
+    fn line(&self, core_us: f64) -> Option<DelayLineFit> {
         // Row, mean residual, weight.
         let mut means: Vec<[f64; 3]> = Vec::new();
         let mut total = 0.0;
@@ -205,7 +205,7 @@ impl ResidualBands {
 }
 
 /// Weighted regression of mean residuals on rows; the errors grow with the scatter.
-fn weighted_line(means: &[[f64; 3]], excess: f64) -> Option<LineFit> {
+fn weighted_line(means: &[[f64; 3]], excess: f64) -> Option<DelayLineFit> {
     let sum = |of: &dyn Fn(&[f64; 3]) -> f64| means.iter().map(of).sum::<f64>();
     let weight = sum(&|m| m[2]);
     if means.is_empty() || weight <= 0.0 {
@@ -218,7 +218,7 @@ fn weighted_line(means: &[[f64; 3]], excess: f64) -> Option<LineFit> {
         // Too few bands for a slope: the line keeps that of the search, with unknown error.
         let error = weight.recip().sqrt();
         let unknown = f64::NAN;
-        return Some(LineFit {
+        return Some(DelayLineFit {
             shift_us: mean,
             shift_error_us: error,
             slope_us: 0.0,
@@ -229,7 +229,7 @@ fn weighted_line(means: &[[f64; 3]], excess: f64) -> Option<LineFit> {
     let slope = sum(&|m| m[2] * (m[0] - row) * (m[1] - mean)) / square;
     let scatter = sum(&|m| m[2] * (m[1] - mean - slope * (m[0] - row)).powi(2));
     let inflation = (scatter / (means.len() - 2) as f64).max(1.0).sqrt();
-    Some(LineFit {
+    Some(DelayLineFit {
         shift_us: mean - slope * row,
         shift_error_us: inflation * (weight.recip() + row * row / square).sqrt(),
         slope_us: slope,
