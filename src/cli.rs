@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand};
 
 mod about;
 mod batch;
+mod camera_report;
 mod check;
 mod demo;
 mod diagnose;
@@ -23,6 +24,7 @@ mod target;
 
 pub use about::{CompletionsArgs, ManArgs};
 pub use batch::{BatchArgs, Engine, EngineArgs, SplitByArg};
+pub use camera_report::CameraReportArgs;
 pub use check::CheckArgs;
 pub use demo::DemoArgs;
 pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
@@ -100,6 +102,9 @@ pub enum Command {
     Filter(FilterArgs),
     /// Generate events from frames
     Generate(GenerateArgs),
+    /// Report what the events alone show of the camera: frame coupling, refractory periods, hot
+    /// pixels, noise, flicker, readout
+    CameraReport(CameraReportArgs),
     /// Fit the generator's constants k to a session's recorded events, each with its error
     Calibrate(CalibrateArgs),
     /// Vary one parameter over a range; heat maps and point clouds side by side

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 mod about;
 mod calibrate;
+mod camera_report;
 mod check;
 mod compare;
 mod dataset;
@@ -98,6 +99,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Track(args) => track::run(&args, output),
         Command::Filter(args) => filter::run(&args, output),
         Command::Generate(args) => generate::run(&args, output),
+        Command::CameraReport(args) => camera_report::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Sweep(args) => sweep::run(&args, output),
         Command::Compare(args) => compare::run(&args, output),

@@ -237,7 +237,7 @@ pub struct ImportRaw2EventArgs {
 }
 
 /// Parses `692x520`.
-fn size(text: &str) -> Result<Size, String> {
+pub(super) fn size(text: &str) -> Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match sides {
         Some((width, height)) if width > 0 && height > 0 => Ok(Size::new(width, height)),

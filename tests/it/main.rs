@@ -23,6 +23,7 @@ mod synthetic;
 
 mod aedat4;
 mod aedat4_dv;
+mod camera_report;
 mod dataset;
 mod export;
 mod fuzz_corpus;

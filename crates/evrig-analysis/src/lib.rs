@@ -2,6 +2,7 @@
 //! log-intensity signal, calibration of a generator's constants, comparison and diagnosis.
 
 pub mod calibrate;
+pub mod camera_report;
 pub mod compare;
 pub mod diagnose;
 pub mod filter;

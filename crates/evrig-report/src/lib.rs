@@ -5,6 +5,7 @@
 //! nothing and is complete without script. No result is computed here.
 
 pub mod calibration;
+pub mod camera_report;
 pub mod diagnosis;
 pub mod figure;
 pub mod measure;

@@ -3,6 +3,7 @@
 mod aedat4;
 mod aedat4_epochs;
 mod builder;
+mod camera_recording;
 mod detect;
 mod event_file;
 mod event_folder;
@@ -17,6 +18,7 @@ mod raw_frames;
 
 pub use crate::epochs::EpochChoice;
 pub use aedat4::import_aedat4;
+pub use camera_recording::{CameraRecording, read_recording};
 pub use detect::{RecordingKind, detect};
 pub use event_file::{ImportEvents, import_events};
 pub use event_folder::import_event_folder;

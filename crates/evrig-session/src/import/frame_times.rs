@@ -83,6 +83,12 @@ pub(super) fn decide(
     Ok(DecidedTimes { t_us, decisions: vec![decision] })
 }
 
+/// The times in a file, µs, however many.
+pub(super) fn times_of_file(path: &Path) -> Result<DecidedTimes, SessionError> {
+    let n = of_file(path)?.0.len() as u64;
+    decide(&FrameTimes::File(path.to_owned()), None, n, &[])
+}
+
 /// The numbers in the names of the images.
 fn of_names(images: &[NamedImage]) -> Option<Column> {
     let whole: Option<Vec<i64>> =

@@ -6,7 +6,9 @@ use super::event_table::{
 use crate::epochs::Epochs;
 use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;
+use evrig_core::frame::FrameTiming;
 use evrig_core::geometry::Size;
+use evrig_core::time::Davis;
 use evrig_format::aedat4::{Content, PayloadKind, Reader};
 use evrig_format::{CameraEvents, CameraFileError, RecordingNotes, RecordingSink};
 use evrig_format::{aedat2, aedat3, prophesee, rosbag, rosbag2};
@@ -84,7 +86,7 @@ impl CameraFormat {
     }
 }
 
-/// SQLite itself would double the time of a build for a container that ROS 2 has replaced by MCAP.
+/// The container that ROS 2 has replaced by MCAP; SQLite is a quarter of a million lines of C.
 pub(super) const SQLITE_REMEDY: &str = "is a ROS 2 recording in SQLite, which is not read; make an \
     MCAP file of it with `mcap convert IN.db3 OUT.mcap` (https://mcap.dev) or `rosbags-convert --src \
     FOLDER --dst OUT --dst-storage mcap` (pip install rosbags)";
@@ -106,7 +108,7 @@ pub(super) fn read(
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let format = CameraFormat::of_file(path)?;
     if format == Some(CameraFormat::Aedat4) {
-        return of_aedat4(path, stream, options, setting);
+        return Ok(read_aedat4(path, stream, options, setting)?.0);
     }
     if let Some(format) = format {
         refuse_table_options(path, options)?;
@@ -129,12 +131,13 @@ pub(super) fn read(
     }
 }
 
-fn of_aedat4(
+/// Reads the events of an AEDAT4 file, and the timing of its frames.
+pub(super) fn read_aedat4(
     path: &Path,
     stream: &str,
     options: &EventTableOptions,
     setting: EventSetting,
-) -> Result<ImportedEvents, SessionError> {
+) -> Result<(ImportedEvents, Vec<FrameTiming<Davis>>), SessionError> {
     refuse_table_options(path, options)?;
     let mut reader = Reader::open(path)?;
     let streams: Vec<_> =
@@ -154,15 +157,17 @@ fn of_aedat4(
         }
     };
     let mut events = Events::new();
+    let mut frames = Vec::new();
     let mut damage = None;
     for packet in reader.by_ref() {
         match packet {
-            Ok(packet) if packet.stream == wanted.id => {
-                if let Content::Events(found) = packet.content {
+            Ok(packet) => match packet.content {
+                Content::Events(found) if packet.stream == wanted.id => {
                     events.extend_from_slice(found.as_slice());
                 }
-            }
-            Ok(_) => {}
+                Content::Frame(frame) => frames.push(frame.timing),
+                _ => {}
+            },
             Err(error) => damage = Some(error.to_string()),
         }
     }
@@ -170,7 +175,7 @@ fn of_aedat4(
     let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
     let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
     found.losses.extend(damage.map(loss));
-    Ok(found)
+    Ok((found, frames))
 }
 
 /// Events of a camera's own format, on its sensor or the smallest grid that holds them.
