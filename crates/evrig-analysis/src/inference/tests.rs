@@ -1,9 +1,10 @@
 //! The law against closed forms, and its smoothness.
 
-use super::law::{ComparatorLaw, softplus};
-use super::pass::{HazardTerm, TermVisitor, visit};
+use super::law::{ComparatorLaw, LOGISTIC_SD, softplus};
+use super::pass::{HazardTerm, PixelPass, TermVisitor, visit};
 use super::signal::SampledSignal;
 use crate::predict::{Spike, TimeBlocks};
+use evrig_core::stats::SplitMix;
 
 #[derive(Default)]
 struct LogLikelihood {
@@ -97,4 +98,46 @@ fn lost_events_advance_the_reference_level() {
     let pending = (-softplus((0.3 / 0.25 - 1.0) * 0.25 / 0.02)).exp();
     let expected = -(0.1 * (pending + (1.0 - pending) * 0.1)).ln();
     assert!((silences - expected).abs() < 0.02, "{silences}, not {expected}");
+}
+
+/// Draws the event after each recorded one, many times.
+struct RepeatedDraws {
+    random: SplitMix,
+    innovations: Vec<f64>,
+}
+
+impl TermVisitor for RepeatedDraws {
+    fn silence(&mut self, _block: usize, _compensator: f64) {}
+    fn event(&mut self, _term: &HazardTerm) {}
+    fn after(&mut self, pass: &PixelPass<'_>, _index: usize) {
+        for _ in 0..2_000 {
+            let drawn = pass.draw_next(1e9, &mut self.random);
+            self.innovations.extend(drawn.map(|drawn| drawn.change - 1.0));
+        }
+    }
+}
+
+#[test]
+fn drawn_events_have_the_scatter_of_the_law_within_one_segment() {
+    // 50 per second: the threshold lies in one step, and the noise in a hundredth of it.
+    let signal: Vec<f64> = (0..=20).map(|i| 0.05 * f64::from(i)).collect();
+    let sharp = ComparatorLaw { noise: 0.000_5, ..law() };
+    let (level, darkness) = (vec![0.0; 21], vec![1.0; 21]);
+    let sampled = SampledSignal {
+        start_us: 0.0,
+        step_us: 1_000.0,
+        signal: &signal,
+        level: &level,
+        darkness: &darkness,
+    };
+    let mut draws = RepeatedDraws { random: SplitMix::new(3, 1), innovations: Vec::new() };
+    let blocks = TimeBlocks::new(20_000, 1);
+    visit(&sharp, sampled, &[Spike { t_us: 0, on: true }], &blocks, &mut draws);
+    let n = draws.innovations.len() as f64;
+    let mean = draws.innovations.iter().sum::<f64>() / n;
+    let sd = (draws.innovations.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    // A logistic distribution of scale 0.0005 / 0.25.
+    let expected = LOGISTIC_SD * 0.000_5 / 0.25;
+    assert!(mean.abs() < 4.0 * expected / n.sqrt(), "{mean}");
+    assert!((sd / expected - 1.0).abs() < 0.1, "{sd}, not {expected}");
 }
