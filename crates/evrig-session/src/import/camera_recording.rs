@@ -40,7 +40,7 @@ pub fn read_recording(
             let (found, frames) = imported_events::read_aedat4(path, "events", options, setting)?;
             Ok(CameraRecording::new(found, frames))
         }
-        RecordingKind::Events => {
+        RecordingKind::Events | RecordingKind::Recording => {
             let found = imported_events::read(path, "events", options, setting)?;
             Ok(CameraRecording::new(found, Vec::new()))
         }
