@@ -16,6 +16,7 @@ mod goodness;
 mod hazard;
 mod intervals;
 mod law;
+mod levels;
 mod model;
 mod pass;
 mod profile;
@@ -24,6 +25,7 @@ mod score_scan;
 mod select;
 mod signal;
 mod spread;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod view;

@@ -10,6 +10,10 @@ use evrig_generate::voltmeter::Coefficients;
 
 const SIGNAL_STEP_US: u32 = 1_000;
 
+/// Bandwidths of noise that a signal sampled every millisecond carries over several seconds, Hz.
+const MIN_NOISE_HZ: f64 = 20.0;
+const MAX_NOISE_HZ: f64 = 1_000.0;
+
 /// Effects that the camera's constants or its registration contain.
 const IN_CONSTANTS: [EffectId; 7] = [
     EffectId::ThresholdAsymmetry,
@@ -67,9 +71,12 @@ fn noise(model: &CameraModel, scale: f64, stored: f64) -> (BandNoise, ThresholdS
     use super::law::LOGISTIC_SD;
     let hz = model.constant(CameraConstant::LogNoiseRate).exp();
     let light_exponent = model.constant(CameraConstant::NoiseExponent);
+    let own_hz = hz / std::f64::consts::TAU;
+    let bandwidth_hz = own_hz.clamp(MIN_NOISE_HZ, MAX_NOISE_HZ);
+    // Slower noise causes no event by itself; faster noise of the signal would.
+    let stored = if own_hz < MIN_NOISE_HZ { 0.0 } else { stored };
     // A change has the signal's noise twice.
     let rms = LOGISTIC_SD * scale * (0.5 * stored).sqrt();
-    let bandwidth_hz = (hz / std::f64::consts::TAU).clamp(20.0, 1_000.0);
     let scatter = ThresholdScatter {
         scale: scale * (1.0 - stored).sqrt(),
         light_exponent,

@@ -1,7 +1,8 @@
 //! Levenberg-Marquardt on the penalised log-likelihood.
 
-use super::goodness::NEGLIGIBLE_NATS_PER_EVENT;
-use super::model::{CameraModel, FitCoordinate, PixelTerms, score_view, train_blocks};
+use super::levels::NEGLIGIBLE_NATS_PER_EVENT;
+use super::model::{CameraModel, FitCoordinate};
+use super::terms::{PixelTerms, score_view, train_blocks};
 use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
 use nalgebra::{DMatrix, DVector, RowDVector};

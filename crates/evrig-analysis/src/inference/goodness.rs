@@ -1,6 +1,9 @@
 //! Goodness of fit: time rescaling and a classifier two-sample test.
 
 use super::fit::ModelFit;
+use super::levels::{
+    DOUBT_STANDARD_ERRORS, NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS,
+};
 use super::model::CameraModel;
 use super::pass::{HazardTerm, PixelPass, TermVisitor, visit};
 use crate::diagnose::checks::event_strata::{LocatedResidual, misfit_strata_of};
@@ -14,16 +17,6 @@ use crate::diagnose::{Evidence, MisfitStratum};
 use crate::predict::{NextEventPair, PreviousEvent, Residual, SpikeContext};
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
-
-/// Significance of a gain or a mismatch, standard errors over cells: 1 % over a library of thirty
-/// effects (the first step of Holm's correction, 0.033 % one-sided).
-pub(super) const SIGNIFICANT_STANDARD_ERRORS: f64 = 3.4;
-
-/// Doubt in a model, standard errors: 2.3 % one-sided. A search that finds nothing costs only time.
-const DOUBT_STANDARD_ERRORS: f64 = 2.0;
-
-/// A mismatch below this is not reported: a likelihood ratio of e in a hundred events.
-pub(super) const NEGLIGIBLE_NATS_PER_EVENT: f64 = 0.01;
 
 /// Goodness of fit of a model.
 pub(super) struct GoodnessOfFit {

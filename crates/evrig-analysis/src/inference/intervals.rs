@@ -1,7 +1,7 @@
 //! Standard errors by the sandwich estimate, clustered by tile and by block.
 
 use super::fit::{ModelFit, stepped};
-use super::model::{PixelTerms, score_view};
+use super::terms::{PixelTerms, score_view};
 use crate::diagnose::Evidence;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

@@ -4,8 +4,9 @@ use super::camera::fitted_camera;
 use super::constants::{CameraConstant, ReportedAs};
 use super::findings::{Findings, interval};
 use super::fit::ModelFit;
-use super::goodness::{GoodnessOfFit, NEGLIGIBLE_NATS_PER_EVENT};
+use super::goodness::GoodnessOfFit;
 use super::law::logistic;
+use super::levels::NEGLIGIBLE_NATS_PER_EVENT;
 use super::select::{EffectSelection, held_out, select};
 use crate::diagnose::checks::two_sample_test::StructureTest;
 use crate::diagnose::fit::effect_scan::cannot_judge;
@@ -84,7 +85,15 @@ fn conclude(
     let effects = with_departures(departures.iter().chain(&sensor.departures), named);
     let deficit = sensor.isolated_events.as_ref();
     let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
+    let held = at_range_end(evidence, &found.fit);
     let verdict = verdict.combined_with(false, deficit.is_some(), is_departed);
+    // Something else pulls constants to the ends of their ranges.
+    let verdict = match verdict {
+        DiagnosisVerdict::Explained if !held.is_empty() && !found.steps.is_empty() => {
+            DiagnosisVerdict::PartlyExplained
+        }
+        verdict => verdict,
+    };
     let strata = |fit: &GoodnessOfFit| {
         deficit.iter().map(|deficit| deficit.place.clone()).chain(fit.strata()).collect()
     };
@@ -106,7 +115,7 @@ fn conclude(
         },
         effects,
         nuisances: constants(evidence, &found.fit, &errors, found.spread_ci),
-        at_range_end: at_range_end(evidence, &found.fit).iter().map(|c| c.key().0.into()).collect(),
+        at_range_end: held.iter().map(|c| c.key().0.into()).collect(),
         fit: scores([low, high, upper_bound], share),
         residual_mismatch: ResidualMismatch {
             excess_nats_per_event: upper_bound - high,

@@ -1,7 +1,8 @@
 //! Efficient score test of an effect: one evaluation per trial.
 
 use super::fit::{ModelEvaluation, inverse_of, stepped};
-use super::model::{CameraModel, PixelTerms, score_view, train_blocks};
+use super::model::CameraModel;
+use super::terms::{PixelTerms, score_view, train_blocks};
 use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
 use nalgebra::{DMatrix, DVector, RowDVector};

@@ -3,7 +3,8 @@
 use super::candidate::EffectCandidate;
 use super::constants::CameraConstant;
 use super::fit::{FitTolerance, ModelEvaluation, ModelFit, fit, fit_coordinates, paired_gain};
-use super::goodness::{GoodnessOfFit, NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS};
+use super::goodness::GoodnessOfFit;
+use super::levels::{NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS};
 use super::model::CameraModel;
 use super::profile::fit_profile;
 use super::score_scan::{ScanGain, ScoreScan};

@@ -1,6 +1,7 @@
 //! Thresholds of the pixels by empirical Bayes.
 
-use super::model::{CameraModel, train_blocks};
+use super::model::CameraModel;
+use super::terms::train_blocks;
 use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
 use rayon::prelude::*;
