@@ -140,7 +140,7 @@ fn slope(
     active: &[usize],
 ) -> LikelihoodSlope {
     let k = active.len();
-    let (mut gradient, mut information) = (0..evidence.pixels.len())
+    let of_pixels: Vec<(DVector<f64>, DMatrix<f64>)> = (0..evidence.pixels.len())
         .into_par_iter()
         .map(|p| {
             let view = model.view(evidence, p, None);
@@ -156,7 +156,13 @@ fn slope(
             }
             (g, &rows * rows.transpose())
         })
-        .reduce(|| (DVector::zeros(k), DMatrix::zeros(k, k)), |a, b| (a.0 + b.0, a.1 + b.1));
+        .collect();
+    // In the order of the pixels, so that no digit depends on the number of threads.
+    let (mut gradient, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
+    for (g, own) in of_pixels {
+        gradient += g;
+        information += own;
+    }
     for (j, &at) in active.iter().enumerate() {
         let c = &coordinates[at];
         if c.sd.is_finite() {
