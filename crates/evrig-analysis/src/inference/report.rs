@@ -86,22 +86,14 @@ fn conclude(
     let deficit = sensor.isolated_events.as_ref();
     let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
     let held = at_range_end(evidence, &found.fit);
-    let verdict = verdict.combined_with(false, deficit.is_some(), is_departed);
-    // Something else pulls constants to the ends of their ranges.
-    let verdict = match verdict {
-        DiagnosisVerdict::Explained if !held.is_empty() && !found.steps.is_empty() => {
-            DiagnosisVerdict::PartlyExplained
-        }
-        verdict => verdict,
-    };
+    let is_pulled = !held.is_empty() && !found.steps.is_empty();
+    let verdict = combined(verdict, [deficit.is_some(), is_departed, is_pulled]);
     let strata = |fit: &GoodnessOfFit| {
         deficit.iter().map(|deficit| deficit.place.clone()).chain(fit.strata()).collect()
     };
     let maps = [&mut before, &mut after].map(|fit| std::mem::take(&mut fit.by_pixel));
     let heat = heat_maps_of(evidence, &maps);
-    let fitted: Vec<EffectId> = found.steps.iter().map(|step| step.id).collect();
-    let [bare, camera] = [(&baseline, &[][..]), (&found.fit, &effects[..])]
-        .map(|(fit, named)| fitted_camera(evidence, &fit.model, named, &fitted));
+    let [bare, camera] = cameras(evidence, [&baseline, &found.fit], &effects, found);
     let p_value = |gain: f64, error: f64| {
         if error > 0.0 { upper_tail_probability(gain / error) } else { 1.0 }
     };
@@ -136,6 +128,30 @@ fn conclude(
         n_events: evidence.n_events(),
     };
     SmoothDiagnosis { diagnosis, heat, baseline: bare, camera }
+}
+
+/// The verdict with a deficit of isolated events, departures of the frames, and constants that
+/// something else pulls to the ends of their ranges.
+fn combined(
+    own: DiagnosisVerdict,
+    [is_deficient, is_departed, is_pulled]: [bool; 3],
+) -> DiagnosisVerdict {
+    match own.combined_with(false, is_deficient, is_departed) {
+        DiagnosisVerdict::Explained if is_pulled => DiagnosisVerdict::PartlyExplained,
+        verdict => verdict,
+    }
+}
+
+/// The cameras without and with the named effects.
+fn cameras(
+    evidence: &Evidence,
+    fits: [&ModelFit; 2],
+    effects: &[FittedEffect],
+    found: &EffectSelection,
+) -> [Option<FittedCamera>; 2] {
+    let fitted: Vec<EffectId> = found.steps.iter().map(|step| step.id).collect();
+    let of = |fit: &ModelFit, named| fitted_camera(evidence, &fit.model, named, &fitted);
+    [of(fits[0], &[]), of(fits[1], effects)]
 }
 
 fn structure_report(
