@@ -80,7 +80,7 @@ pub fn diagnose(
     }
     let input = prepare(session, request)?;
     let DiagnosisOutput { diagnosis, run, heat, camera } = match request.engine {
-        DiagnosisEngine::RunningMaximum => with_camera(&input, &request.options, progress),
+        DiagnosisEngine::RunningMaximum => by_running_maximum(&input, &request.options, progress),
         DiagnosisEngine::Smooth => by_smooth_likelihood(&input, &request.options, progress),
     };
     clear(&directory)?;
@@ -116,47 +116,57 @@ struct DiagnosisOutput {
     camera: Option<FittedCamera>,
 }
 
+/// By the smooth likelihood.
 fn by_smooth_likelihood(
     input: &DiagnosisInput,
     options: &DiagnosisOptions,
     progress: &mut dyn FnMut(&str),
 ) -> DiagnosisOutput {
-    let DiagnosisInput { evidence, drive, events, departures, .. } = input;
-    let mut found = diagnose_smooth(evidence, departures, options, progress);
+    let found = diagnose_smooth(&input.evidence, &input.departures, options, progress);
     progress("forward simulation");
-    let cameras = found.baseline.as_ref().zip(found.camera.as_ref());
-    let run = cameras.and_then(|(baseline, camera)| {
-        let real = events.as_slice();
-        let both = [baseline, camera];
-        diagnose::simulate_forward(evidence, drive.as_ref(), real, both, options.seed)
-    });
-    if let Some(run) = &run {
-        found.diagnosis.fit.forward_simulation = run.measures.clone();
-    }
-    DiagnosisOutput { diagnosis: found.diagnosis, run, heat: found.heat, camera: found.camera }
+    let output = DiagnosisOutput {
+        diagnosis: found.diagnosis,
+        run: None,
+        heat: found.heat,
+        camera: found.camera,
+    };
+    output.simulated_forward(input, found.baseline.as_ref(), options.seed)
 }
 
-/// The diagnosis with the fitted camera and its forward simulation.
-fn with_camera(
+/// By the running maximum.
+fn by_running_maximum(
     input: &DiagnosisInput,
     options: &DiagnosisOptions,
     progress: &mut dyn FnMut(&str),
 ) -> DiagnosisOutput {
-    let DiagnosisInput { evidence, drive, events, departures, .. } = input;
-    let found = diagnose::diagnose(evidence, departures, options, progress);
-    let mut diagnosis = found.diagnosis;
+    let evidence = &input.evidence;
+    let found = diagnose::diagnose(evidence, &input.departures, options, progress);
     progress("forward simulation");
     let baseline = FittedCamera::of(evidence, &found.baseline, &[]);
-    let camera = FittedCamera::of(evidence, &found.model, &diagnosis.effects);
-    let run = baseline.as_ref().zip(camera.as_ref()).and_then(|(baseline, camera)| {
-        let real = events.as_slice();
-        let both = [baseline, camera];
-        diagnose::simulate_forward(evidence, drive.as_ref(), real, both, options.seed)
-    });
-    if let Some(run) = &run {
-        diagnosis.fit.forward_simulation = run.measures.clone();
+    let camera = FittedCamera::of(evidence, &found.model, &found.diagnosis.effects);
+    let output =
+        DiagnosisOutput { diagnosis: found.diagnosis, run: None, heat: found.heat, camera };
+    output.simulated_forward(input, baseline.as_ref(), options.seed)
+}
+
+impl DiagnosisOutput {
+    /// With the forward simulation of its camera and of the baseline's, where both exist.
+    fn simulated_forward(
+        mut self,
+        input: &DiagnosisInput,
+        baseline: Option<&FittedCamera>,
+        seed: u64,
+    ) -> Self {
+        let DiagnosisInput { evidence, drive, events, .. } = input;
+        self.run = baseline.zip(self.camera.as_ref()).and_then(|(baseline, camera)| {
+            let (real, both) = (events.as_slice(), [baseline, camera]);
+            diagnose::simulate_forward(evidence, drive.as_ref(), real, both, seed)
+        });
+        if let Some(run) = &self.run {
+            self.diagnosis.fit.forward_simulation = run.measures.clone();
+        }
+        self
     }
-    DiagnosisOutput { diagnosis, run, heat: found.heat, camera }
 }
 
 /// File of the forward simulation.

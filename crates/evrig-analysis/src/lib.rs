@@ -3,6 +3,7 @@
 
 pub mod calibrate;
 pub mod camera_report;
+mod coherent_step;
 pub mod compare;
 pub mod diagnose;
 pub mod filter;

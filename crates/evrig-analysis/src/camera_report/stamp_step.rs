@@ -2,26 +2,9 @@
 
 use super::SectionResult;
 use super::readout_limits::service;
+use crate::coherent_step::CoherentStep;
 use evrig_core::event::EventSlice;
-use evrig_core::stats::MeanDirection;
 use serde::Serialize;
-use std::f64::consts::TAU;
-
-/// Steps that are searched where stamps scatter about a grid or the step is no whole number of
-/// microseconds. Below, stamps are fine enough for every effect; above, a frame's period begins.
-const STEP_RANGE_US: [f64; 2] = [20.0, 5_000.0];
-
-/// Mean resultant length of the stamps' phases on a grid: a normal scatter of less than 1/12 step.
-const MIN_MEAN_VECTOR_LENGTH: f64 = 0.88;
-
-/// Fewest stamps that show a grid, and the most used per stretch, a work budget.
-const MIN_STAMPS: usize = 500;
-const MAX_STAMPS: usize = 4_000;
-
-/// Half width of the first stretch, doubled until it holds enough stamps. Long stretches need many
-/// trial frequencies.
-const FIRST_HALF_WIDTH_US: f64 = 20_000.0;
-const MAX_FIRST_HALF_WIDTH_US: f64 = 640_000.0;
 
 /// Share of pairs with equal stamps that lie in one row when rows are read one per step.
 const MIN_SAME_ROW_SHARE: f64 = 0.9;
@@ -68,7 +51,11 @@ pub(super) fn stamp_step(events: EventSlice<'_>) -> SectionResult<StampStep> {
         ));
     }
     let found = match divisor {
-        1 => scattered(t),
+        1 => CoherentStep::of(t).map(|found| StampStep {
+            step_us: found.step_us,
+            is_exact: false,
+            coherence: found.phase.length(),
+        }),
         step => Some(StampStep { step_us: step as f64, is_exact: true, coherence: 1.0 }),
     };
     let unit = StampStep { step_us: 1.0, is_exact: true, coherence: 1.0 };
@@ -95,73 +82,4 @@ fn common_divisor(mut a: u64, mut b: u64) -> u64 {
         (a, b) = (b, a % b);
     }
     a
-}
-
-/// A step about which stamps scatter.
-fn scattered(stamps: &[i64]) -> Option<StampStep> {
-    if stamps.len() < MIN_STAMPS {
-        return None;
-    }
-    let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
-    let middle = stamps[stamps.len() / 2];
-    let mut half_us = FIRST_HALF_WIDTH_US;
-    let within = |half_us: f64| {
-        let from = stamps.partition_point(|t| ((t - middle) as f64) < -half_us);
-        let to = stamps.partition_point(|t| ((t - middle) as f64) <= half_us);
-        &stamps[from..to]
-    };
-    while within(half_us).len() < MIN_STAMPS {
-        half_us *= 2.0;
-        if half_us > MAX_FIRST_HALF_WIDTH_US {
-            return None;
-        }
-    }
-    let phases = SteppedPhases::of(within(half_us), middle);
-    let mut hz = phases.lowest([1e6 / STEP_RANGE_US[1], 1e6 / STEP_RANGE_US[0]], half_us)?;
-    // Longer stretches determine the step better.
-    let all_us = (last - middle).max(middle - first) as f64;
-    while half_us < all_us {
-        half_us *= 2.0;
-        hz = SteppedPhases::of(within(half_us), middle).best_about(hz, half_us);
-    }
-    let coherence = SteppedPhases::of(stamps, middle).mean(hz).length();
-    let step = StampStep { step_us: 1e6 / hz, is_exact: false, coherence };
-    (coherence >= MIN_MEAN_VECTOR_LENGTH).then_some(step)
-}
-
-/// Times relative to an instant, seconds.
-struct SteppedPhases(Vec<f64>);
-
-impl SteppedPhases {
-    fn of(stamps: &[i64], middle: i64) -> Self {
-        let every = stamps.len().div_ceil(MAX_STAMPS).max(1);
-        Self(stamps.iter().step_by(every).map(|t| (t - middle) as f64 * 1e-6).collect())
-    }
-
-    fn mean(&self, hz: f64) -> MeanDirection {
-        self.0.iter().map(|t| TAU * hz * t).collect()
-    }
-
-    /// The lowest frequency at which the stamps are coherent; multiples are coherent too.
-    fn lowest(&self, [from, to]: [f64; 2], half_us: f64) -> Option<f64> {
-        let step = Self::resolution(half_us);
-        let n = ((to - from) / step) as usize;
-        let mut tries = (0..n).map(|i| from + i as f64 * step);
-        // Between two trial frequencies some coherence is lost.
-        let hz = tries.find(|hz| self.mean(*hz).length() >= 0.95 * MIN_MEAN_VECTOR_LENGTH)?;
-        Some(self.best_about(hz, half_us))
-    }
-
-    /// The most coherent frequency near one.
-    fn best_about(&self, hz: f64, half_us: f64) -> f64 {
-        let step = Self::resolution(half_us);
-        let tries = (-16..=16).map(|i| hz + 0.25 * f64::from(i) * step);
-        let length = |hz: f64| self.mean(hz).length();
-        tries.max_by(|a, b| length(*a).total_cmp(&length(*b))).unwrap_or(hz)
-    }
-
-    /// Distance of trial frequencies for stretches of a half width.
-    fn resolution(half_us: f64) -> f64 {
-        0.1 / (half_us * 1e-6)
-    }
 }

@@ -26,7 +26,7 @@ impl Findings {
         let mut baseline = found.calibrated.clone();
         if found.spread_ci[1] > MAX_ORDINARY_SPREAD {
             let without = with_ordinary_spread(evidence, &found.fit);
-            let gain = paired_gain(evidence, &found.fit.evaluation, &without.evaluation, true);
+            let gain = paired_gain(evidence, &found.fit.evaluation, &without.evaluation);
             if is_significant(gain) {
                 let id = EffectId::ThresholdMismatch;
                 effects.push(constant_effect(evidence, found, &errors, id, gain));

@@ -52,14 +52,11 @@ impl ModelEvaluation {
         (rows, slopes.iter().sum())
     }
 
-    pub(crate) fn sum(&self, evidence: &Evidence, is_train: impl Fn(usize, usize) -> bool) -> f64 {
+    /// Log-likelihood of the training cells.
+    pub(crate) fn training(&self, evidence: &Evidence) -> f64 {
         let nb = evidence.blocks.n();
-        self.cells(evidence)
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| is_train(i / nb, i % nb))
-            .map(|(_, c)| c[0])
-            .sum()
+        let cells = self.cells(evidence).into_iter().enumerate();
+        cells.filter(|(i, _)| !evidence.is_held_out(i / nb, i % nb)).map(|(_, c)| c[0]).sum()
     }
 }
 
@@ -68,12 +65,11 @@ pub(crate) fn paired_gain(
     evidence: &Evidence,
     a: &ModelEvaluation,
     b: &ModelEvaluation,
-    held: bool,
 ) -> (f64, f64) {
     let nb = evidence.blocks.n();
     let (ca, cb) = (a.cells(evidence), b.cells(evidence));
     let picked: Vec<(f64, f64)> = (0..ca.len())
-        .filter(|i| evidence.is_held_out(i / nb, i % nb) == held && ca[*i][1] + cb[*i][1] > 0.0)
+        .filter(|i| evidence.is_held_out(i / nb, i % nb) && ca[*i][1] + cb[*i][1] > 0.0)
         .map(|i| (ca[i][0] - cb[i][0], ca[i][1]))
         .collect();
     let n: f64 = picked.iter().map(|p| p.1).sum();
@@ -102,7 +98,7 @@ struct LikelihoodSlope {
 impl ModelFit {
     /// Log-likelihood of the training cells.
     pub(crate) fn training(&self, evidence: &Evidence) -> f64 {
-        self.evaluation.sum(evidence, |tile, block| !evidence.is_held_out(tile, block))
+        self.evaluation.training(evidence)
     }
 }
 
@@ -112,7 +108,7 @@ pub(super) fn objective(
     e: &ModelEvaluation,
     c: &[FitCoordinate],
 ) -> f64 {
-    e.sum(evidence, |t, b| !evidence.is_held_out(t, b)) + model.log_prior(c)
+    e.training(evidence) + model.log_prior(c)
 }
 
 /// Terms of a pixel with one coordinate stepped, inwards from a bound, and the step. `view` is the
@@ -132,7 +128,54 @@ pub(super) fn stepped(
     (other.score(evidence, p, keeps_signal.then_some(view)), h)
 }
 
-/// Gradient and event information of the training cells, by forward differences.
+/// A pixel under a model, with the derivatives of its training terms by the active coordinates.
+pub(super) struct PixelSlope<'a> {
+    pub(super) view: ModelledPixel<'a>,
+    pub(super) terms: PixelTerms,
+    /// Of the log hazards, by coordinate and event.
+    pub(super) rows: DMatrix<f64>,
+    /// Of the log-likelihood.
+    gradient: DVector<f64>,
+}
+
+/// The derivatives of every pixel, by forward differences.
+pub(super) fn pixel_slopes<'a>(
+    evidence: &'a Evidence,
+    model: &CameraModel,
+    coordinates: &[FitCoordinate],
+    active: &[usize],
+) -> impl IndexedParallelIterator<Item = PixelSlope<'a>> {
+    (0..evidence.pixels.len()).into_par_iter().map(move |p| {
+        let view = model.view(evidence, p, None);
+        let terms = score_view(evidence, p, &view);
+        let train = train_blocks(evidence, p);
+        let mut gradient = DVector::zeros(active.len());
+        let mut rows = DMatrix::zeros(active.len(), terms.n_events());
+        for (j, &at) in active.iter().enumerate() {
+            let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &view);
+            let (row, slope) = moved.derivative(&terms, h, &train);
+            rows.set_row(j, &RowDVector::from_vec(row));
+            gradient[j] = slope;
+        }
+        PixelSlope { view, terms, rows, gradient }
+    })
+}
+
+/// Adds the information of the priors.
+pub(super) fn add_prior_information(
+    information: &mut DMatrix<f64>,
+    coordinates: &[FitCoordinate],
+    active: &[usize],
+) {
+    for (j, &at) in active.iter().enumerate() {
+        let c = &coordinates[at];
+        if c.sd.is_finite() {
+            information[(j, j)] += 1.0 / (c.sd * c.sd);
+        }
+    }
+}
+
+/// Gradient and event information of the training cells.
 fn slope(
     evidence: &Evidence,
     model: &CameraModel,
@@ -140,23 +183,10 @@ fn slope(
     active: &[usize],
 ) -> LikelihoodSlope {
     let k = active.len();
-    let of_pixels: Vec<(DVector<f64>, DMatrix<f64>)> = (0..evidence.pixels.len())
-        .into_par_iter()
-        .map(|p| {
-            let view = model.view(evidence, p, None);
-            let base = score_view(evidence, p, &view);
-            let train = train_blocks(evidence, p);
-            let mut g = DVector::zeros(k);
-            let mut rows = DMatrix::zeros(k, base.n_events());
-            for (j, &at) in active.iter().enumerate() {
-                let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &view);
-                let (row, slope) = moved.derivative(&base, h, &train);
-                rows.set_row(j, &RowDVector::from_vec(row));
-                g[j] = slope;
-            }
-            (g, &rows * rows.transpose())
-        })
-        .collect();
+    let of_pixels: Vec<(DVector<f64>, DMatrix<f64>)> =
+        pixel_slopes(evidence, model, coordinates, active)
+            .map(|pixel| (pixel.gradient, &pixel.rows * pixel.rows.transpose()))
+            .collect();
     // In the order of the pixels, so that no digit depends on the number of threads.
     let (mut gradient, mut information) = (DVector::zeros(k), DMatrix::zeros(k, k));
     for (g, own) in of_pixels {
@@ -167,9 +197,9 @@ fn slope(
         let c = &coordinates[at];
         if c.sd.is_finite() {
             gradient[j] -= (model.values[at] - c.mean) / (c.sd * c.sd);
-            information[(j, j)] += 1.0 / (c.sd * c.sd);
         }
     }
+    add_prior_information(&mut information, coordinates, active);
     LikelihoodSlope { gradient, information }
 }
 

@@ -1,11 +1,11 @@
 //! Efficient score test of an effect: one evaluation per trial.
 
-use super::fit::{ModelEvaluation, inverse_of, stepped};
+use super::fit::{ModelEvaluation, add_prior_information, inverse_of, pixel_slopes};
 use super::model::CameraModel;
-use super::terms::{PixelTerms, score_view, train_blocks};
+use super::terms::train_blocks;
 use super::view::ModelledPixel;
 use crate::diagnose::Evidence;
-use nalgebra::{DMatrix, DVector, RowDVector};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Gain of a trial in nats.
@@ -42,33 +42,15 @@ impl<'a> ScoreScan<'a> {
     pub(crate) fn new(evidence: &'a Evidence, model: &CameraModel) -> Self {
         let coordinates = model.coordinates(evidence);
         let active = CameraModel::active(&coordinates);
-        let all: Vec<(DMatrix<f64>, (PixelTerms, ModelledPixel<'a>))> = (0..evidence.pixels.len())
-            .into_par_iter()
-            .map(|p| {
-                let view = model.view(evidence, p, None);
-                let base = score_view(evidence, p, &view);
-                let train = train_blocks(evidence, p);
-                let mut rows = DMatrix::zeros(active.len(), base.n_events());
-                for (j, &at) in active.iter().enumerate() {
-                    let (moved, h) = stepped(evidence, model, (at, &coordinates[at]), p, &view);
-                    let (row, _) = moved.derivative(&base, h, &train);
-                    rows.set_row(j, &RowDVector::from_vec(row));
-                }
-                (rows, (base, view))
-            })
-            .collect();
+        let all: Vec<_> = pixel_slopes(evidence, model, &coordinates, &active).collect();
         let k = active.len();
         let mut information = DMatrix::zeros(k, k);
-        for (rows, _) in &all {
-            information += rows * rows.transpose();
+        for pixel in &all {
+            information += &pixel.rows * pixel.rows.transpose();
         }
-        for (j, &at) in active.iter().enumerate() {
-            let c = &coordinates[at];
-            if c.sd.is_finite() {
-                information[(j, j)] += 1.0 / (c.sd * c.sd);
-            }
-        }
-        let (rows, terms): (_, Vec<_>) = all.into_iter().unzip();
+        add_prior_information(&mut information, &coordinates, &active);
+        let (rows, terms): (_, Vec<_>) =
+            all.into_iter().map(|pixel| (pixel.rows, (pixel.terms, pixel.view))).unzip();
         let (pixels, views) = terms.into_iter().unzip();
         let base = ModelEvaluation { pixels };
         Self { evidence, model: model.clone(), views, rows, information, active, base }
@@ -127,11 +109,9 @@ impl<'a> ScoreScan<'a> {
                 square += d * d;
                 cross += self.rows[p].column(i) * d;
             }
-            for ((x, y), _) in
-                a.compensator.iter().zip(&b.compensator).zip(&train).filter(|(_, train)| **train)
-            {
-                u -= x - y;
-                actual -= x - y;
+            for change in a.compensator_changes(b, &train) {
+                u -= change;
+                actual -= change;
             }
         }
         // To second order the compensator contains half the information.

@@ -76,8 +76,8 @@ pub(crate) fn is_significant((gain, error): (f64, f64)) -> bool {
     gain > NEGLIGIBLE_NATS_PER_EVENT && gain > SIGNIFICANT_STANDARD_ERRORS * error
 }
 
-/// Adds effects while a test doubts the model and their held-out gain is significant; then removes those that the others
-/// replace.
+/// Adds effects while a test doubts the model and their held-out gain is significant; then removes
+/// those that the others replace.
 pub(crate) fn select(
     evidence: &Evidence,
     max_effects: usize,
@@ -85,29 +85,35 @@ pub(crate) fn select(
     progress: &mut dyn FnMut(&str),
 ) -> EffectSelection {
     progress("calibration");
-    let mut now = refit(evidence, &CameraModel::baseline(evidence));
+    let coarse = CoarsePixels::of(evidence);
+    let mut now = coarse.refit(evidence, &CameraModel::baseline(evidence));
     let mut spread_ci;
     (now, spread_ci) = with_spread(evidence, now);
     let calibrated = now.clone();
     let mut steps = Vec::new();
     while steps.len() < max_effects && GoodnessOfFit::of(evidence, &now, seed).is_doubted() {
         progress("effects");
-        let Some((step, fit)) = accepted(evidence, best_candidates(evidence, &now)) else { break };
+        let Some((step, fit)) =
+            accepted(evidence, &coarse, best_candidates(evidence, &coarse, &now))
+        else {
+            break;
+        };
         progress(&format!("{} is accepted", step.id));
         (now, spread_ci) = with_spread(evidence, fit);
         steps.push(step);
     }
-    let (fit, steps) = without_replaced(evidence, now, steps);
+    let (fit, steps) = without_replaced(evidence, &coarse, now, steps);
     EffectSelection { calibrated, fit, steps, spread_ci }
 }
 
 /// The best significant candidate, fitted with all constants.
 fn accepted(
     evidence: &Evidence,
+    coarse: &CoarsePixels,
     mut tried: Vec<FittedCandidate>,
 ) -> Option<(SelectionStep, ModelFit)> {
     while tried.first().is_some_and(FittedCandidate::is_significant) {
-        let (best, fitted) = best_of_rivals(evidence, &tried);
+        let (best, fitted) = best_of_rivals(coarse, &tried);
         let FittedCandidate { candidate, id, gain, error, .. } = tried.remove(best);
         let fit = refined(evidence, fitted);
         if !candidate.is_refused(evidence, &fit.model) {
@@ -124,45 +130,65 @@ const RIVAL_SHARE: f64 = 0.75;
 
 /// The best of the candidates with nearly the largest gain, each fitted with all constants to a part
 /// of the pixels.
-fn best_of_rivals(evidence: &Evidence, tried: &[FittedCandidate]) -> (usize, ModelFit) {
-    let part = evidence.thinned(coarse(evidence));
+fn best_of_rivals(coarse: &CoarsePixels, tried: &[FittedCandidate]) -> (usize, ModelFit) {
     let is_rival = |(_, c): &(usize, &FittedCandidate)| {
         c.is_significant() && c.gain >= RIVAL_SHARE * tried[0].gain
     };
     let rivals = tried.iter().enumerate().filter(is_rival);
-    let fitted = rivals.map(|(index, c)| (index, fit_part(&part, &c.fit.model)));
-    let score = |fit: &ModelFit| held_out(&part, &fit.evaluation);
+    let fitted = rivals.map(|(index, c)| (index, coarse.fit(&c.fit.model)));
+    let score = |fit: &ModelFit| held_out(&coarse.evidence, &fit.evaluation);
     let best = fitted.max_by(|a, b| score(&a.1).total_cmp(&score(&b.1)));
-    best.unwrap_or_else(|| (0, fit_part(&part, &tried[0].fit.model)))
+    best.unwrap_or_else(|| (0, coarse.fit(&tried[0].fit.model)))
 }
 
 /// Threshold noise of a search, in thresholds: wide against the innovations that an effect causes,
 /// so that the likelihood has one maximum. The fitted noise follows (graduated optimization).
 const WIDE_NOISE: f64 = 0.15;
 
-/// Every `n`-th pixel, so that a coarse number of them is left.
-fn coarse(evidence: &Evidence) -> usize {
-    (evidence.pixels.len() / N_COARSE_PIXELS).max(1)
+/// A coarse number of pixels.
+struct CoarsePixels {
+    /// Every `n`-th pixel is taken.
+    n: usize,
+    evidence: Evidence,
+    /// Constants at which its fits start.
+    start: CameraModel,
 }
 
-/// Fits a model whose effects alone are known to a part of the pixels, with equal thresholds: a wide
-/// noise first, then the fitted one.
-fn fit_part(part: &Evidence, start: &CameraModel) -> ModelFit {
-    let mut wide = start.with_constants_of(&wide_start(part)).for_pixels(part);
-    wide.pin(CameraConstant::LogNoise, WIDE_NOISE.ln());
-    let mut free = fit(part, wide, N_STEPS[0], FitTolerance::Coarse).model;
-    free.limit(part, &[CameraConstant::LogNoise]);
-    fit(part, free, N_STEPS[0], FitTolerance::Coarse)
+impl CoarsePixels {
+    fn of(evidence: &Evidence) -> Self {
+        let n = (evidence.pixels.len() / N_COARSE_PIXELS).max(1);
+        let part = evidence.thinned(n);
+        Self { n, start: wide_start(&part), evidence: part }
+    }
+
+    /// Fits a model whose effects alone are known, with equal thresholds: a wide noise first, then
+    /// the fitted one.
+    fn fit(&self, start: &CameraModel) -> ModelFit {
+        let part = &self.evidence;
+        let mut wide = start.with_constants_of(&self.start).for_pixels(part);
+        wide.pin(CameraConstant::LogNoise, WIDE_NOISE.ln());
+        let mut free = fit(part, wide, N_STEPS[0], FitTolerance::Coarse).model;
+        free.limit(part, &[CameraConstant::LogNoise]);
+        fit(part, free, N_STEPS[0], FitTolerance::Coarse)
+    }
+
+    /// A fit to all pixels of a model whose effects alone are known.
+    fn refit(&self, evidence: &Evidence, start: &CameraModel) -> ModelFit {
+        refined(evidence, self.fit(start))
+    }
+
+    /// A model fitted with a wide noise.
+    fn widened(&self, now: &CameraModel) -> ModelFit {
+        let mut model = now.thinned(self.n);
+        let noise = model.constant(CameraConstant::LogNoise).max(WIDE_NOISE.ln());
+        model.pin(CameraConstant::LogNoise, noise);
+        fit(&self.evidence, model, N_STEPS[1], FitTolerance::Coarse)
+    }
 }
 
 /// A fit to all pixels from that to a part of them.
 fn refined(evidence: &Evidence, coarse: ModelFit) -> ModelFit {
     fit(evidence, coarse.model.for_pixels(evidence), N_STEPS[1], FitTolerance::Coarse)
-}
-
-/// A fit of a model whose effects alone are known.
-fn refit(evidence: &Evidence, start: &CameraModel) -> ModelFit {
-    refined(evidence, fit_part(&evidence.thinned(coarse(evidence)), start))
 }
 
 /// Constants at their prior means, with the threshold and a wide noise fitted.
@@ -188,17 +214,6 @@ fn with_spread(evidence: &Evidence, mut now: ModelFit) -> (ModelFit, [f64; 3]) {
     (now, spread_ci)
 }
 
-/// A model with a wide noise, and the pixels that it is fitted to.
-fn widened(evidence: &Evidence, now: &CameraModel) -> (Evidence, ModelFit) {
-    let n = coarse(evidence);
-    let part = evidence.thinned(n);
-    let mut model = now.thinned(n);
-    let noise = model.constant(CameraConstant::LogNoise).max(WIDE_NOISE.ln());
-    model.pin(CameraConstant::LogNoise, noise);
-    let fitted = fit(&part, model, N_STEPS[1], FitTolerance::Coarse);
-    (part, fitted)
-}
-
 /// The best start of each candidate, the largest gain first.
 fn scan_all(
     part: &Evidence,
@@ -220,10 +235,11 @@ fn scan_all(
 
 /// Starts for the fits of this round: candidates that are better as they are, and those that a
 /// search with a wide noise finds.
-fn search(evidence: &Evidence, now: &ModelFit) -> Vec<(EffectCandidate, CameraModel)> {
-    let (part, wide) = widened(evidence, &now.model);
-    let base = now.model.thinned(coarse(evidence));
-    let near = scan_all(&part, &ScoreScan::new(&part, &base), &base);
+fn search(coarse: &CoarsePixels, now: &ModelFit) -> Vec<(EffectCandidate, CameraModel)> {
+    let part = &coarse.evidence;
+    let wide = coarse.widened(&now.model);
+    let base = now.model.thinned(coarse.n);
+    let near = scan_all(part, &ScoreScan::new(part, &base), &base);
     let reached = near.into_iter().filter(|(gain, ..)| matches!(gain, ScanGain::Reached(_)));
     let mut found: Vec<(EffectCandidate, CameraModel)> = reached
         .take(N_CANDIDATES[1])
@@ -232,16 +248,16 @@ fn search(evidence: &Evidence, now: &ModelFit) -> Vec<(EffectCandidate, CameraMo
             (candidate, now.model.moved_as(&base, trial, &own))
         })
         .collect();
-    let scan = ScoreScan::new(&part, &wide.model);
-    let mut scanned = scan_all(&part, &scan, &wide.model);
+    let scan = ScoreScan::new(part, &wide.model);
+    let mut scanned = scan_all(part, &scan, &wide.model);
     scanned.truncate(N_CANDIDATES[0]);
-    let before = wide.training(&part);
+    let before = wide.training(part);
     let mut fitted: Vec<(f64, EffectCandidate, CameraModel)> = scanned
         .into_iter()
         .map(|(_, candidate, trial)| {
             let own = candidate.own(&trial);
-            let fit = fit_profile(&part, &scan, trial, &own, N_PROFILE_STEPS);
-            let gain = fit.training(&part) - before;
+            let fit = fit_profile(part, &scan, trial, &own, N_PROFILE_STEPS);
+            let gain = fit.training(part) - before;
             (gain, candidate, now.model.moved_as(&wide.model, fit.model, &own))
         })
         .collect();
@@ -253,13 +269,17 @@ fn search(evidence: &Evidence, now: &ModelFit) -> Vec<(EffectCandidate, CameraMo
 }
 
 /// Fitted candidates, best held-out gain first.
-fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> {
-    let found = search(evidence, now);
+fn best_candidates(
+    evidence: &Evidence,
+    coarse: &CoarsePixels,
+    now: &ModelFit,
+) -> Vec<FittedCandidate> {
+    let found = search(coarse, now);
     let scan = ScoreScan::new(evidence, &now.model);
     let refined = |(candidate, start): (EffectCandidate, CameraModel)| {
         let own = candidate.own(&start);
         let fit = fit_profile(evidence, &scan, start, &own, N_PROFILE_STEPS);
-        let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation, true);
+        let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation);
         let id = candidate.id(evidence, &fit.model);
         let fitted = FittedCandidate { candidate, id, gain, error, fit };
         (!candidate.is_refused(evidence, &fitted.fit.model)).then_some(fitted)
@@ -275,6 +295,7 @@ fn best_candidates(evidence: &Evidence, now: &ModelFit) -> Vec<FittedCandidate> 
 /// Backward elimination; the last effect was significant beside all others.
 fn without_replaced(
     evidence: &Evidence,
+    coarse: &CoarsePixels,
     mut now: ModelFit,
     mut steps: Vec<SelectionStep>,
 ) -> (ModelFit, Vec<SelectionStep>) {
@@ -282,8 +303,8 @@ fn without_replaced(
     while index + 1 < steps.len() {
         let mut model = now.model.clone();
         steps[index].candidate.remove(evidence, &mut model);
-        let (without, _) = with_spread(evidence, refit(evidence, &model));
-        let gain = paired_gain(evidence, &now.evaluation, &without.evaluation, true);
+        let (without, _) = with_spread(evidence, coarse.refit(evidence, &model));
+        let gain = paired_gain(evidence, &now.evaluation, &without.evaluation);
         if is_significant(gain) {
             (steps[index].gain, steps[index].error) = gain;
             index += 1;

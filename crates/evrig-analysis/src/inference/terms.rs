@@ -33,6 +33,16 @@ impl PixelTerms {
         all.filter(|(.., change)| change.is_finite())
     }
 
+    /// Change of the compensator of each training block against a base.
+    pub(crate) fn compensator_changes(
+        &self,
+        base: &Self,
+        is_train: &[bool],
+    ) -> impl Iterator<Item = f64> {
+        let pairs = self.compensator.iter().zip(&base.compensator).zip(is_train);
+        pairs.filter(|(_, train)| **train).map(|((a, b), _)| a - b)
+    }
+
     /// Derivatives of the log hazards of training events by a coordinate that was stepped, and of
     /// the training log-likelihood.
     pub(crate) fn derivative(&self, base: &Self, step: f64, is_train: &[bool]) -> (Vec<f64>, f64) {
@@ -42,14 +52,8 @@ impl PixelTerms {
             row[i] = change / step;
             slope += row[i];
         }
-        for ((a, b), _) in self
-            .compensator
-            .iter()
-            .zip(&base.compensator)
-            .zip(is_train)
-            .filter(|(_, train)| **train)
-        {
-            slope -= (a - b) / step;
+        for change in self.compensator_changes(base, is_train) {
+            slope -= change / step;
         }
         (row, slope)
     }
