@@ -15,7 +15,7 @@ use evrig_session::{Session, StreamKind};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Events with the frames of their camera, and what is to be said about the reading.
+/// Events with the frames of their camera, and notes about the reading.
 struct ReportInput {
     name: String,
     events: Events,

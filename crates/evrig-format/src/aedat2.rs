@@ -41,7 +41,7 @@ pub fn is_header(start: &[u8]) -> bool {
 /// Reads a file. `size` replaces the size of the chip that the header names.
 ///
 /// # Errors
-/// When the file cannot be read, or neither the header nor `size` tells the chip, or the sink refuses.
+/// When the file cannot be read, or neither the header nor `size` states the chip, or the sink refuses.
 pub fn read(
     path: &Path,
     size: Option<Size>,

@@ -30,7 +30,7 @@ const MAX_CANDIDATES: usize = 12;
 /// Phase bins when cycles are compared: a sixteenth of the work of the search.
 const N_COARSE_BINS: f64 = 512.0;
 
-/// Without frames a burst is told from a lamp, which lights all rows at once, by its sweep: over
+/// Without frames a burst differs from a lamp, which lights all rows at once, by its sweep: over
 /// all rows it takes longer than this many of its widths.
 const MIN_SWEEP_WIDTHS: f64 = 3.0;
 

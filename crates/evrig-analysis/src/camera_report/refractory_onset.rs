@@ -174,7 +174,7 @@ fn onset(
     SectionResult::Known(found)
 }
 
-/// Whether two estimates agree; of what is not known nothing is said.
+/// Whether two estimates agree; an estimate without an error agrees with any.
 fn agree(a: &Estimate, b: &Estimate) -> bool {
     let error = a.standard_error.hypot(b.standard_error);
     !error.is_finite() || (a.value - b.value).abs() <= HALF_LEVEL_Z * error

@@ -2,7 +2,7 @@
 //!
 //! Where the brightness of a pixel returns, its ups and downs cancel: the ON threshold times the
 //! number of ON events equals the OFF threshold times the number of OFF events. That it returns is
-//! an assumption; busy pixels need it least, as what is left of a change is a small part of all
+//! an assumption; busy pixels need it least, as the remainder of a change is a small part of all
 //! their events.
 
 use super::SectionResult;

@@ -226,9 +226,9 @@ pub(crate) static EFFECTS: &[ModelEffect] = &[
         ordinary: ordinary_skew_ppm,
         starts: |evidence| {
             // Without a measured clock, 24 frames per second may be stamped as 25: 42 000 ppm.
-            const FAR: [f64; 4] = [5_000.0, 10_000.0, 20_000.0, 42_000.0];
+            const UNMEASURED_PPM: [f64; 4] = [5_000.0, 10_000.0, 20_000.0, 42_000.0];
             let tied = evidence.facts.clock_tie.map(|tied| tied.skew_ppm[0]);
-            let far = if tied.is_some() { &FAR[..0] } else { &FAR[..] };
+            let far = if tied.is_some() { &UNMEASURED_PPM[..0] } else { &UNMEASURED_PPM[..] };
             let both = [100.0, 1_500.0].iter().chain(far).flat_map(|ppm| [*ppm, -ppm]);
             tied.into_iter().chain(both).map(|ppm| vec![ppm]).collect()
         },
