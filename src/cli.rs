@@ -26,7 +26,7 @@ pub use about::{CompletionsArgs, ManArgs};
 pub use batch::{BatchArgs, Engine, EngineArgs, SplitByArg};
 pub use camera_report::CameraReportArgs;
 pub use check::CheckArgs;
-pub use demo::DemoArgs;
+pub use demo::{CONCEALABLE, DemoArgs};
 pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use guard::GuardArgs;

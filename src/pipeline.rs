@@ -48,7 +48,7 @@ pub use generate::{
 pub use model_choice::ModelChoice;
 pub use process::{ProcessRequest, ProcessStep, Processed, SkippedStage, StageResult, process};
 pub use progress::PipelineProgress;
-pub use report::report;
+pub use report::{report, report_with};
 pub use scene::{SceneMade, read_scene, scene, scene_streams};
 pub use scene_source::white_of;
 pub use streams::{

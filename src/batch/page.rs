@@ -18,6 +18,7 @@ pub fn comparison_page(aggregate: &Aggregate) -> Page {
         kind: "Dataset comparison".into(),
         summary: ReportSummary { headline: headline(aggregate), ..ReportSummary::default() },
         sections: vec![comparison(aggregate)],
+        is_folded: false,
         provenance: provenance(Some(aggregate)),
     }
 }
@@ -55,9 +56,10 @@ pub fn dataset_page(root: &Path, index: &Index, aggregate: &Aggregate) -> Page {
             headline: message,
             remarks: index.warnings.clone(),
             facts,
-            figure: None,
+            figures: Vec::new(),
         },
         sections,
+        is_folded: false,
         provenance: provenance(Some(aggregate)),
     }
 }

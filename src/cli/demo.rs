@@ -1,31 +1,46 @@
-//! `demo`: from the recording to the report without hardware.
+//! `demo`: a concealed effect, from the recording to the report, without hardware.
 
 use clap::Args;
 use std::path::PathBuf;
+
+/// Effects that can be concealed: in the trials of the diagnosis, each was named whenever it was as
+/// strong as here.
+pub const CONCEALABLE: [&str; 6] = [
+    "refractory_period",
+    "fixed_pole",
+    "photoreceptor_bandwidth",
+    "clock_offset",
+    "event_drop",
+    "threshold_asymmetry",
+];
 
 /// Arguments of `evrig demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig demo\n  \
-    evrig demo --out sessions/demo --seed 7\n  \
-    evrig demo --world rig/world.toml\n\n\
-    The session is recorded by the same engine, with the same protocols and into the same files\n\
-    as on a real rig; the devices are simulated.")]
+    evrig demo --seed 7\n  \
+    evrig demo --effect refractory_period\n  \
+    evrig demo --world none                (conceals nothing)\n\n\
+    The effect is drawn and sealed before the session is recorded. The diagnosis reads the\n\
+    session only; then the seal is opened and the answer is judged. The devices are simulated\n\
+    in virtual time; `evrig record sim circle` runs the recording engine with simulated devices\n\
+    on its real protocols.")]
 pub struct DemoArgs {
     /// The session's directory, missing or empty [default: evrig-demo, with a number if it is
     /// taken]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// The trajectory: a file, or the name of a bundled one
-    #[arg(long, value_name = "TRAJECTORY", default_value = "protocol-short")]
-    pub trajectory: String,
+    /// The concealed effect [default: drawn]
+    #[arg(long, value_name = "EFFECT", conflicts_with = "world",
+        value_parser = CONCEALABLE)]
+    pub effect: Option<String>,
 
-    /// Description of the simulated world (see rig/world.toml) [default: the nominal world]
+    /// `none` conceals nothing; a file describes another simulated world (see rig/world.toml)
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
 
-    /// Seed of all random draws of the simulated world
+    /// Seed of all random draws
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }

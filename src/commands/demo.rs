@@ -1,46 +1,99 @@
-//! `demo`: from the recording to the report on a machine without hardware.
+//! `demo`: an effect is concealed in a simulated session, found, and compared with the truth.
 
-use super::progress::ProgressDisplay;
-use super::record::{self, RecordedTake};
-use super::{Ending, Output, process};
+mod findings;
+mod steps;
+mod trial;
+
+use super::{Ending, Output, process, record};
 use crate::batch;
-use crate::cli::DemoArgs;
-use crate::pipeline::{self, ProcessRequest, Processed, StageResult};
+use crate::cli::{CONCEALABLE, DemoArgs};
+use crate::pipeline::{self, PipelineProgress, ProcessRequest, Processed, StageResult};
+use crate::prove::SealedTruth;
 use anyhow::Context;
-use evrig_session::{Session, StreamKind};
+use evrig_analysis::diagnose::Diagnosis;
+use evrig_session::Session;
+use evrig_sim::world::WorldDescription;
+use findings::DemoFindings;
 use serde_json::json;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use steps::{DemoStep, StepDisplay};
+use trial::SealedPaths;
+
+/// The steps with their shares of the time.
+const STEPS: &[DemoStep] = &[
+    ("recording on the simulated rig", 0.25),
+    ("aligning the cameras and generating events", 0.25),
+    ("locating and naming the difference", 0.45),
+    ("writing the report", 0.05),
+];
 
 pub(super) fn demo(args: &DemoArgs, output: &Output) -> anyhow::Result<Ending> {
     let out = args.out.clone().unwrap_or_else(free_directory);
-    output.say("recording on the simulated rig: the same engine, wires and files as on a real one");
-    let take = record::simulated(&args.trajectory, args.world.as_deref(), args.seed, &out, output)
-        .context("the recording failed")?;
-    let Some(take) = take else { return Ok(Ending::Aborted) };
-    if !matches!(take.ending, Ending::Done | Ending::WithLosses) {
-        let value = json!({ "schema": "evrig.demo/1", "recording": take.value });
-        output.result(&value, out.display())?;
-        return Ok(take.ending);
-    }
-    output.say("processing it as any recorded session");
-    let display = ProgressDisplay::new(output);
-    let request = ProcessRequest::default();
-    let processed = batch::process_session(&out, &request, &|progress| display.show(progress))
-        .context("the processing failed")?;
-    drop(display);
+    let (world, truth) = concealed_world(args)?;
+    let steps = StepDisplay::new(output, STEPS)?;
+    let manifest = trial::record(&world, args.seed, &out, &mut |share| steps.done(share))?;
+    let sealed = truth.as_ref().map(|truth| SealedPaths::seal(truth, &out)).transpose()?;
+    // From here on the truth is known to its file only.
+    drop((world, truth));
+    steps.next();
+    let processed = analyse(&out, &steps)?;
+    let diagnosis = diagnosis(&processed).context("the session could not be diagnosed")?;
     let session = Session::open(&out)?;
+    let opened = sealed.map(|sealed| sealed.judge(diagnosis)).transpose()?;
+    let run = pipeline::read_forward_simulation(&session)?;
+    let findings = DemoFindings { diagnosis, opened: opened.as_ref(), run: run.as_ref() };
+    steps.next();
     let report = session.layout().report();
-    std::fs::write(&report, pipeline::report(&session)?)
+    std::fs::write(&report, pipeline::report_with(&session, &findings.remarks())?)
         .with_context(|| format!("cannot write the report to {}", report.display()))?;
-    let mut text = findings(&take, &processed)?;
-    write!(text, "report: {}", std::path::absolute(&report).unwrap_or(report.clone()).display())?;
+    drop(steps);
+    let shown = std::path::absolute(&report).unwrap_or_else(|_| report.clone());
+    let text = format!("{}report     {}", findings.text(), shown.display());
     let value = json!({
-        "schema": "evrig.demo/1", "session": out, "report": report,
-        "recording": take.value, "process": process::value(&processed)?,
+        "schema": "evrig.demo/2", "session": out, "report": report,
+        "recording": manifest.streams, "process": process::value(&processed)?,
+        "judgement": opened.as_ref().map(|(_, judgement)| judgement),
+        "truth": opened.as_ref().map(|(truth, _)| truth),
     });
     output.result(&value, text)?;
-    Ok(take.ending)
+    Ok(Ending::Done)
+}
+
+/// The world to be recorded, and the truth to be sealed; none of a world that is described by a
+/// file or conceals nothing.
+fn concealed_world(args: &DemoArgs) -> anyhow::Result<(WorldDescription, Option<SealedTruth>)> {
+    match args.world.as_deref() {
+        Some(world) if world == Path::new("none") => Ok((WorldDescription::default(), None)),
+        Some(world) => Ok((record::world(Some(world))?, None)),
+        None => {
+            let truth = trial::draw(args.effect.as_deref(), &CONCEALABLE, args.seed);
+            Ok((trial::world(&truth)?, Some(truth)))
+        }
+    }
+}
+
+/// Processes the session as any recorded one.
+fn analyse(session: &Path, steps: &StepDisplay) -> anyhow::Result<Processed> {
+    let is_diagnosing = std::sync::atomic::AtomicBool::new(false);
+    let watch = |progress: PipelineProgress<'_>| match progress {
+        PipelineProgress::Stage { stage, .. } => steps.detail(stage),
+        PipelineProgress::Diagnosis(what) => {
+            if !is_diagnosing.swap(true, std::sync::atomic::Ordering::Relaxed) {
+                steps.next();
+            }
+            steps.detail(what);
+        }
+        PipelineProgress::Message(_) => {}
+    };
+    batch::process_session(session, &ProcessRequest::default(), &watch)
+        .context("the processing failed")
+}
+
+fn diagnosis(processed: &Processed) -> Option<&Diagnosis> {
+    processed.results().find_map(|result| match result {
+        StageResult::Diagnose(diagnosis) => Some(diagnosis),
+        _ => None,
+    })
 }
 
 /// `evrig-demo` here, or the first number behind it that is free.
@@ -53,36 +106,4 @@ fn free_directory() -> PathBuf {
         n => PathBuf::from(format!("evrig-demo-{n}")),
     });
     names.into_iter().find(|path| is_free(path)).unwrap_or_default()
-}
-
-/// Streams, event ratios and the diagnosis in a few lines.
-fn findings(take: &RecordedTake, processed: &Processed) -> anyhow::Result<String> {
-    let mut text = String::new();
-    let streams = take.manifest.streams.iter();
-    let shown = streams.filter(|s| matches!(s.kind, StreamKind::Events | StreamKind::Frames));
-    let counts: Vec<String> =
-        shown.map(|stream| format!("{} {} {}", stream.count, stream.name, stream.kind)).collect();
-    writeln!(text, "recorded: {}", counts.join(", "))?;
-    for result in processed.results() {
-        match result {
-            StageResult::Compare(request, comparison, _) => {
-                let ratio = comparison.n_simulated as f64 / comparison.n_real as f64;
-                writeln!(
-                    text,
-                    "{}: {ratio:.2} generated events per real event",
-                    request.simulated
-                )?;
-            }
-            StageResult::Diagnose(diagnosis) => {
-                let verdict = serde_json::to_value(diagnosis.verdict)?;
-                let verdict = verdict.as_str().unwrap_or("none").replace('_', " ");
-                writeln!(text, "diagnosis: {verdict}")?;
-                for effect in &diagnosis.effects {
-                    writeln!(text, "  {}", effect.description)?;
-                }
-            }
-            _ => {}
-        }
-    }
-    Ok(text)
 }

@@ -86,4 +86,12 @@ impl Output {
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
     }
+
+    /// One line that is redrawn; shown on a terminal only.
+    #[must_use]
+    pub fn line(&self) -> ProgressBar {
+        let bar = self.progress("", 0);
+        bar.set_style(ProgressStyle::with_template("{msg}").unwrap_or_else(|_| bar.style()));
+        bar
+    }
 }

@@ -9,6 +9,7 @@ use super::{read_forward_simulation, read_heat};
 use evrig_analysis::compare::Comparison;
 use evrig_core::event::Events;
 use evrig_core::frame::Luminance;
+use evrig_report::answer::DiagnosisResults;
 use evrig_report::page::Fact;
 use evrig_report::session::{Compared, page};
 use evrig_session::{Session, StreamKind, StreamName, read_stage};
@@ -18,6 +19,14 @@ use evrig_session::{Session, StreamKind, StreamName, read_stage};
 /// # Errors
 /// When a stream or a result cannot be read.
 pub fn report(session: &Session) -> Result<String, PipelineError> {
+    report_with(session, &[])
+}
+
+/// The same with remarks at its top.
+///
+/// # Errors
+/// As [`report`].
+pub fn report_with(session: &Session, remarks: &[String]) -> Result<String, PipelineError> {
     let real = match session.stream(StreamKind::Events, "real") {
         Ok(_) => session.events("real")?.0,
         Err(_) => evrig_core::event::Events::new(),
@@ -56,24 +65,19 @@ pub fn report(session: &Session) -> Result<String, PipelineError> {
         let Ok(name) = StreamName::new(light) else { continue };
         calibrated.extend(read_calibration(session, &name)?.map(|c| (light.to_owned(), c)));
     }
-    let mut page =
-        page(session, real.as_slice(), &compared, &calibrated).map_err(PipelineError::Image)?;
-    // Results come before the description of the recording.
-    if let Some(section) = preflight::section(session)? {
-        page.sections.insert(page.sections.len().saturating_sub(1), section);
-    }
+    let diagnosed = match read_diagnosis(session)? {
+        Some(diagnosis) => Some(DiagnosisResults {
+            diagnosis,
+            run: read_forward_simulation(session)?,
+            maps: read_heat(session)?,
+        }),
+        None => None,
+    };
+    let mut page = page(session, real.as_slice(), &compared, &calibrated, diagnosed.as_ref())
+        .map_err(PipelineError::Image)?;
+    page.summary.remarks.splice(0..0, remarks.iter().cloned());
+    page.sections.extend(preflight::section(session)?);
     page.sections.extend(target::sections(session)?);
-    // The answer comes first, then its derivation.
-    if let Some(diagnosis) = read_diagnosis(session)? {
-        page.sections.insert(
-            0,
-            evrig_report::diagnosis::section(
-                &diagnosis,
-                read_forward_simulation(session)?.as_ref(),
-                &read_heat(session)?,
-            ),
-        );
-    }
     Ok(page.to_html()?)
 }
 
@@ -103,38 +107,55 @@ fn made(name: &StreamName, parameters: &serde_json::Value) -> Vec<Fact> {
     vec![Fact::new(&format!("generator of “{name}”"), generator)]
 }
 
-/// The frame interval with the most real events, and the frame at its start; without frames,
-/// the busiest fiftieth of the window.
+/// A typical frame interval of motion, and the frame at its start: that at the third quartile of
+/// the intervals by real events, so that neither rest nor a flash is shown. Without frames,
+/// the same among fiftieths of the window.
 fn moment(
     session: &Session,
     light: Option<&str>,
     real: &[i64],
     window: [i64; 2],
 ) -> Result<(Option<Luminance>, [i64; 2]), PipelineError> {
-    let n_between = |from: i64, to: i64| {
-        real.partition_point(|&t| t < to).saturating_sub(real.partition_point(|&t| t < from))
-    };
     let Some(light) = light else {
         let step = ((window[1] - window[0]) / 50).max(1);
-        let starts = (0..50).map(|i| window[0] + i * step);
-        let busiest = starts.max_by_key(|start| n_between(*start, start + step));
-        let start = busiest.unwrap_or(window[0]);
+        let starts: Vec<i64> = (0..=50).map(|i| window[0] + i * step).collect();
+        let start = typical(&starts, real).map_or(window[0], |at| starts[at]);
         return Ok((None, [start, start + step]));
     };
-    let mut best: Option<(usize, Luminance, i64)> = None;
-    let mut before: Option<Luminance> = None;
+    let mut starts = Vec::new();
     for frame in super::luminance::luminance(session, light)? {
-        let frame = frame?;
-        if let Some(before) = before.take() {
-            let n = n_between(before.t_us, frame.t_us);
-            if best.as_ref().is_none_or(|(most, ..)| n > *most) {
-                best = Some((n, before, frame.t_us));
-            }
-        }
-        before = Some(frame);
+        starts.push(frame?.t_us);
     }
-    Ok(best.map_or((None, window), |(_, frame, end)| {
-        let start = frame.t_us;
-        (Some(frame), [start, end])
-    }))
+    let Some(at) = typical(&starts, real) else { return Ok((None, window)) };
+    let frame = super::luminance::luminance(session, light)?.nth(at).transpose()?;
+    Ok((frame, [starts[at], starts[at + 1]]))
+}
+
+/// The interval between `starts` at the third quartile by number of events.
+fn typical(starts: &[i64], real: &[i64]) -> Option<usize> {
+    let n_before = |t: i64| real.partition_point(|&event| event < t);
+    let mut counts: Vec<(usize, usize)> = starts
+        .windows(2)
+        .enumerate()
+        .map(|(at, ends)| (n_before(ends[1]) - n_before(ends[0]), at))
+        .collect();
+    counts.sort_unstable();
+    counts.get(counts.len() * 3 / 4).map(|(_, at)| *at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::typical;
+
+    #[test]
+    fn neither_rest_nor_a_flash_is_typical() {
+        let starts: Vec<i64> = (0..=8).map(|k| k * 10).collect();
+        // Rest, motion of 3 to 5 events an interval, a flash of 50.
+        let per_interval = [0, 0, 3, 4, 5, 50, 4, 3];
+        let real: Vec<i64> = (0..8)
+            .flat_map(|k| std::iter::repeat_n(k * 10 + 1, per_interval[k as usize]))
+            .collect();
+        assert_eq!(typical(&starts, &real), Some(4));
+        assert_eq!(typical(&[0], &real), None);
+    }
 }

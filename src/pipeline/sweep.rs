@@ -187,7 +187,7 @@ fn page(
             headline: format!("What {name} does to the events"),
             remarks: vec![format!("Nothing but {name} differs between the panels.")],
             facts: numbers.collect(),
-            figure: None,
+            figures: Vec::new(),
         },
         sections: vec![
             section("Where", "How many events each pixel made.", vec![SectionBlock::Figure(maps)]),
@@ -197,6 +197,7 @@ fn page(
                 vec![SectionBlock::Figure(clouds)],
             ),
         ],
+        is_folded: false,
         provenance: vec![
             Fact::new("light", request.steps[0].1.from.as_str()),
             Fact::new("window (us)", format!("{} to {}", window_us[0], window_us[1])),

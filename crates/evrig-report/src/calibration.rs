@@ -29,7 +29,7 @@ pub fn section(light: &str, calibration: &Calibration) -> Section {
     Section {
         title: format!("Calibration on “{light}”"),
         lead: format!(
-            "Constants k of the event model, fitted to the real events of {} pixels and evaluated \
+            "Constants k of the event model, fitted to the recorded events of {} pixels and evaluated \
              by “{}” on {} held-out pixels. Selected: {}.",
             count(calibration.split.n_train_pixels as u64),
             calibration.objective,

@@ -68,13 +68,14 @@ pub fn page(name: &str, report: &CameraReport, notes: &[String]) -> Result<Page,
             Fact::new("duration", format!("{:.3} s", rates.duration_s)),
             Fact::new("sensor", report.size.to_string()),
         ],
-        figure: None,
+        figures: Vec::new(),
     };
     Ok(Page {
         title: name.to_owned(),
         kind: "Camera report".into(),
         summary,
         sections,
+        is_folded: false,
         provenance: vec![Fact::new("schema", report.schema)],
     })
 }

@@ -4,6 +4,7 @@
 //! [`page::Page`] collects figures and tables; [`page::Page::to_html`] writes one file that loads
 //! nothing and is complete without script. No result is computed here.
 
+pub mod answer;
 pub mod calibration;
 pub mod camera_report;
 pub mod diagnosis;
@@ -17,3 +18,5 @@ pub mod session;
 pub mod table;
 pub mod terminal;
 pub mod tracking;
+pub mod verdict;
+pub mod words;

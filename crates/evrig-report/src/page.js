@@ -1,5 +1,5 @@
 "use strict";
-// Two comforts; the page is complete without them.
+// Comforts; the page is complete without them.
 
 // A table sorts by the head that is pressed; numbers by value, words as people sort them.
 for (const table of document.querySelectorAll("table.sortable")) {
@@ -57,3 +57,12 @@ for (const pad of document.querySelectorAll(".pad")) {
     output = null;
   });
 }
+
+// A link into a folded section opens it; a printed page is unfolded.
+const unfold = (element) => {
+  for (let e = element; e; e = e.parentElement) if (e.tagName === "DETAILS") e.open = true;
+};
+const follow = () => unfold(location.hash && document.getElementById(location.hash.slice(1)));
+addEventListener("hashchange", follow);
+follow();
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(unfold));

@@ -25,6 +25,8 @@ pub struct Page {
     pub summary: ReportSummary,
     /// Sections in reading order.
     pub sections: Vec<Section>,
+    /// Whether sections are folded until they are opened.
+    pub is_folded: bool,
     /// Versions, seeds, inputs; at the end of the page.
     pub provenance: Vec<Fact>,
 }
@@ -38,8 +40,8 @@ pub struct ReportSummary {
     pub remarks: Vec<String>,
     /// Duration, counts, size.
     pub facts: Vec<Fact>,
-    /// A small figure beside the sentence.
-    pub figure: Option<Figure>,
+    /// Pictures of the result: the first two side by side, others over the page's width.
+    pub figures: Vec<Figure>,
 }
 
 /// A name and its value.
@@ -102,10 +104,12 @@ impl ReportSummary {
         Self {
             headline: headline(measures),
             remarks: departing(measures),
-            figure: measures
+            figures: measures
                 .iter()
                 .any(|m| m.healthy.is_some())
-                .then(|| strip::departures_figure(measures)),
+                .then(|| strip::departures_figure(measures))
+                .into_iter()
+                .collect(),
             ..Self::default()
         }
     }
@@ -139,7 +143,8 @@ impl Page {
             headline => self.summary.headline,
             remarks => self.summary.remarks,
             facts => facts_view(&self.summary.facts),
-            figure => self.summary.figure.as_ref().map(figure_view),
+            figures => self.summary.figures.iter().map(figure_view).collect::<Vec<Value>>(),
+            is_folded => self.is_folded,
             sections => sections,
             provenance => facts_view(&self.provenance),
         })
@@ -360,6 +365,7 @@ mod tests {
                     SectionBlock::Text(HOSTILE.into()),
                 ],
             }],
+            is_folded: true,
             provenance: vec![Fact::new(HOSTILE, HOSTILE)],
         }
     }

@@ -3,6 +3,7 @@
 //! Marks have CSS classes; colours come from the style sheet of the page (light, dark, print) or of
 //! a sheet. Images (frames, heat maps) are PNG inside the SVG. All text is escaped.
 
+pub mod bars;
 pub mod chart;
 pub mod cloud;
 pub mod colour;

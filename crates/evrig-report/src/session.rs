@@ -1,13 +1,14 @@
 //! The report of one session: recording, and comparison of each simulated stream.
 
-use super::calibration;
+use super::answer::{self, DiagnosisResults};
 use super::figure::FileLink;
 use super::measure::MeasureRow;
 use super::number::{count, significant};
-use super::page::{Fact, Page, ReportSummary, Section, SectionBlock};
+use super::page::{Fact, Page, Section, SectionBlock};
 use super::plot::pixel_image::PixelImageError;
 use super::plot::{cloud, heat, interval, overlay, rate, ratio};
 use super::table::{ReportTable, TableCell, TableColumn};
+use super::{calibration, diagnosis};
 use evrig_analysis::calibrate::Calibration;
 use evrig_analysis::compare::{Comparison, IntervalDensity, Maps, RateBand};
 use evrig_core::event::{EventSlice, Events};
@@ -47,29 +48,27 @@ pub fn page(
     real: EventSlice<'_>,
     compared: &[Compared],
     calibrated: &[(String, Calibration)],
+    diagnosed: Option<&DiagnosisResults>,
 ) -> Result<Page, PixelImageError> {
     let manifest = session.manifest();
-    let mut summary = match compared.first() {
-        Some(first) => ReportSummary::from_measures(&measures(&first.name, &first.comparison)),
-        None => ReportSummary {
-            headline: "The session has no simulated events to compare.".into(),
-            remarks: vec!["Run `evrig process` on a session with frames and events.".into()],
-            ..ReportSummary::default()
-        },
-    };
+    let measured: Vec<(String, Vec<MeasureRow>)> =
+        compared.iter().map(|c| (c.name.clone(), measures(&c.name, &c.comparison))).collect();
+    let mut summary = answer::summary(diagnosed, &measured);
     summary.facts = facts(manifest);
+    summary.remarks.extend(simulated(manifest));
     summary.remarks.extend(losses(manifest));
-    let mut sections = Vec::new();
+    let mut sections: Vec<Section> = diagnosed.map(diagnosis::section).into_iter().collect();
     for stream in compared {
         sections.push(section(session, real, stream)?);
     }
-    sections.extend(calibrated.iter().map(|(light, c)| calibration::section(light, c)));
     sections.push(recording(manifest));
+    sections.extend(calibrated.iter().map(|(light, c)| calibration::section(light, c)));
     Ok(Page {
         title: manifest.name.clone(),
         kind: "Session report".into(),
         summary,
         sections,
+        is_folded: true,
         provenance: provenance(manifest, compared),
     })
 }
@@ -87,6 +86,14 @@ fn facts(manifest: &Manifest) -> Vec<Fact> {
         facts.push(Fact::new("duration", format!("{:.3} s", (last - first) as f64 * 1e-6)));
     }
     facts
+}
+
+/// A remark on a recording that no real camera made.
+fn simulated(manifest: &Manifest) -> Option<String> {
+    let devices = &manifest.recording.as_ref()?.devices;
+    devices.iter().any(|device| device.description["source"] == "sim").then(|| {
+        "The rig is simulated: recorded events and frames come from simulated cameras.".to_owned()
+    })
 }
 
 fn losses(manifest: &Manifest) -> Vec<String> {
@@ -135,9 +142,9 @@ fn section(
     blocks.push(SectionBlock::ReportTable(fits(comparison)));
     blocks.push(SectionBlock::Facts(more_numbers(comparison)));
     Ok(Section {
-        title: format!("Real events against “{}”", stream.name),
+        title: format!("Generated stream “{}” against the recorded events", stream.name),
         lead: format!(
-            "{} real and {} simulated events in {:.3} s on {} pixels of {}. Errors are from a \
+            "{} recorded and {} generated events in {:.3} s on {} pixels of {}. Errors are from a \
              cluster bootstrap over time blocks or tiles of pixels.",
             count(comparison.n_real),
             count(comparison.n_simulated),
@@ -285,7 +292,7 @@ fn fits(comparison: &Comparison) -> ReportTable {
             TableColumn::number("Lévy scale", "µs"),
             TableColumn::number("gain over Lévy", "nats"),
         ],
-        rows: vec![row("real", &curve.real), row("simulated", &curve.simulated)],
+        rows: vec![row("recorded", &curve.real), row("generated", &curve.simulated)],
     }
 }
 
@@ -297,15 +304,15 @@ fn more_numbers(comparison: &Comparison) -> Vec<Fact> {
             format!("{:.3} Hz per pixel", curves.rate_map.rmse_hz),
         ),
         Fact::new(
-            "mean real rate",
+            "mean recorded rate",
             format!("{} Hz per pixel", significant(curves.rate_map.mean_real_hz, 3)),
         ),
         Fact::new("rate map, correlation", format!("{:.3}", curves.rate_map.correlation)),
     ];
     if let Some(correlation) = &curves.contrast_correlation {
         let name = |stream: &str| format!("signed counts with log-intensity change, {stream}");
-        facts.push(Fact::new(&name("real"), format!("r = {:.3}", correlation.real)));
-        facts.push(Fact::new(&name("simulated"), format!("r = {:.3}", correlation.simulated)));
+        facts.push(Fact::new(&name("recorded"), format!("r = {:.3}", correlation.real)));
+        facts.push(Fact::new(&name("generated"), format!("r = {:.3}", correlation.simulated)));
     }
     facts
 }

@@ -11,7 +11,7 @@ use evrig_core::geometry::Size;
 
 /// Key, description, and the value of a perfect model.
 const MEASURES: [(&str, &str, &str); 7] = [
-    ("count_ratio", "simulated / real events", "1"),
+    ("count_ratio", "generated over recorded events", "1"),
     ("polarity_delta", "difference of the ON shares", "0"),
     ("interval_tv", "total variation distance of the interval histograms", "0"),
     ("rate_map_rmse", "rms difference of counts per pixel, over the mean count", "0"),
@@ -68,7 +68,7 @@ fn measures(run: &ForwardSimulation, is_corrected: bool) -> ReportTable {
 
 fn maps(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
     let [_, _, w, h] = run.patch_px;
-    let titles = ["Real", "Baseline", "Corrected"];
+    let titles = ["Recorded", "Without the named effects", "With them"];
     let n = if is_corrected { 3 } else { 2 };
     let maps: Vec<(String, &[u32])> = titles
         .iter()
@@ -77,7 +77,7 @@ fn maps(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
         .map(|(title, counts)| ((*title).to_owned(), counts.as_slice()))
         .collect();
     Some(Figure {
-        title: "Events per pixel, real and generated".into(),
+        title: "Events per pixel, recorded and generated".into(),
         caption: "One colour scale for all: equal colours are equal counts.".into(),
         legend: Vec::new(),
         panels: counts_panels(Size::new(w, h), &maps).ok()?,
@@ -86,7 +86,11 @@ fn maps(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
 }
 
 fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {
-    let inks = [(Ink::Real, "real"), (Ink::Simulated, "baseline"), (Ink::Corrected, "corrected")];
+    let inks = [
+        (Ink::Real, "recorded"),
+        (Ink::Simulated, "without the named effects"),
+        (Ink::Corrected, "with them"),
+    ];
     let n = if is_corrected { 3 } else { 2 };
     let edges: Vec<f64> =
         run.interval_edges_log10_us.iter().map(|decade| 10.0_f64.powf(*decade - 3.0)).collect();
@@ -119,7 +123,7 @@ fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {
         panels: vec![Panel {
             title: "Intervals".into(),
             note: String::new(),
-            alt: "Histograms of the intervals between events of one pixel, real and generated."
+            alt: "Histograms of the intervals between events of one pixel, recorded and generated."
                 .into(),
             drawing: chart.draw_wide(),
         }],

@@ -1,6 +1,7 @@
 //! Heat maps of the misfit of baseline and corrected model.
 
 use crate::figure::{Figure, FileLink, Panel};
+use crate::number::significant;
 use crate::page::SectionBlock;
 use crate::plot::chart::ChartAxis;
 use crate::plot::grid::{Colours, FirstRow, HeatGrid, draw};
@@ -65,7 +66,7 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
         ),
     };
     let cells = map.edges.each_ref().map(|edges| edges.len().saturating_sub(1) as u16);
-    let titles = ["Baseline", "Corrected"];
+    let titles = ["Without the named effects", "With them"];
     let panel = |(title, values): (&str, &Vec<f64>)| {
         let grid = HeatGrid {
             x: axis(&map.axes[0], &map.edges[0]),
@@ -80,15 +81,19 @@ fn figure(map: &HeatMap, is_corrected: bool) -> Option<Figure> {
         Some(Panel {
             title: title.into(),
             note: String::new(),
-            alt: format!("Map of the {title} model's misfit; the largest value is {worst:.2}."),
+            alt: format!("Map of the misfit, {title}; the largest value is {worst:.2}."),
             drawing: draw(&grid).ok()?,
         })
     };
     let n = if is_corrected { 2 } else { 1 };
     let panels: Option<Vec<Panel>> = titles.into_iter().zip(&values).take(n).map(panel).collect();
     let range = |key: &str, edges: &[f64]| {
-        let edges: Vec<String> = edges.iter().map(|edge| format!("{edge:.3}")).collect();
-        (!words(key).is_even).then(|| format!(" Edges of {key}: {}.", edges.join(", ")))
+        // Times since an event are in microseconds.
+        let scale = if key == "interval_us" { 1e-3 } else { 1.0 };
+        let unit = if key == "interval_us" { "ms" } else { "per second" };
+        let edges: Vec<String> = edges.iter().map(|edge| significant(edge * scale, 3)).collect();
+        let AxisText { title, is_even, .. } = words(key);
+        (!is_even).then(|| format!(" Limits of the {title}: {} {unit}.", edges.join(", ")))
     };
     let edges: String =
         map.axes.iter().zip(&map.edges).filter_map(|(key, edges)| range(key, edges)).collect();

@@ -30,7 +30,7 @@ pub struct Clouds<'a> {
 /// Both clouds from the same point of view, equally thinned.
 #[must_use]
 pub fn figure(clouds: &Clouds<'_>) -> Figure {
-    let both = [("Real".to_owned(), clouds.real), ("Simulated".to_owned(), clouds.simulated)];
+    let both = [("Recorded".to_owned(), clouds.real), ("Generated".to_owned(), clouds.simulated)];
     let (panels, thinned) = panels(clouds.size, clouds.window_us, &both);
     Figure {
         title: "Events in space and time".to_owned(),

@@ -30,7 +30,7 @@ pub struct CountMaps<'a> {
 /// When a map's length does not fit the grid, or the grid has no pixels.
 pub fn counts_figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     check(maps)?;
-    let both = [("Real".to_owned(), maps.real), ("Simulated".to_owned(), maps.simulated)];
+    let both = [("Recorded".to_owned(), maps.real), ("Generated".to_owned(), maps.simulated)];
     Ok(Figure {
         title: "Events per pixel".to_owned(),
         caption: "Both maps share one colour scale. Compare the same edges, then regions without \

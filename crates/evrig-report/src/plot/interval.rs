@@ -44,8 +44,8 @@ pub fn figure(edges_us: &[f64], real: &IntervalPlot<'_>, simulated: &IntervalPlo
     }
     let [median_real, median_sim] = [real, simulated].map(|s| significant(s.median_us, 3));
     let mut legend = vec![
-        LegendEntry::new(Ink::Real, LegendMark::Line, "real"),
-        LegendEntry::new(Ink::Simulated, LegendMark::Line, "simulated"),
+        LegendEntry::new(Ink::Real, LegendMark::Line, "recorded"),
+        LegendEntry::new(Ink::Simulated, LegendMark::Line, "generated"),
     ];
     if !real.fit.is_empty() || !simulated.fit.is_empty() {
         legend.push(LegendEntry::new(Ink::Guide, LegendMark::Thin, "inverse Gaussian fit"));
@@ -53,17 +53,17 @@ pub fn figure(edges_us: &[f64], real: &IntervalPlot<'_>, simulated: &IntervalPlo
     Figure {
         title: "Time between a pixel's events".to_owned(),
         caption: "Density of the intervals between consecutive events of one pixel; bands are \
-            90\u{a0}% intervals. A sharp lower edge in the real events only indicates a \
+            90\u{a0}% intervals. A sharp lower edge in the recorded events only indicates a \
             refractory period, a peak at the frame interval an interpolation artefact, and a \
             missing tail missing noise."
             .to_owned(),
         legend,
         panels: vec![Panel {
             title: "Interval density".to_owned(),
-            note: format!("median: real {median_real} µs, simulated {median_sim} µs"),
+            note: format!("median: recorded {median_real} µs, generated {median_sim} µs"),
             alt: format!(
                 "Densities of the intervals between events on logarithmic axes; median \
-                 {median_real} µs real, {median_sim} µs simulated."
+                 {median_real} µs recorded, {median_sim} µs generated."
             ),
             drawing: Chart { x, y, layers }.draw_wide(),
         }],

@@ -41,7 +41,7 @@ pub fn figure(overlay: &Overlay<'_>) -> Result<Figure, PixelImageError> {
     let [from, to] = overlay.window_us;
     let start_s = (from.saturating_sub(overlay.origin_us)) as f64 * 1e-6;
     let window_ms = (to.saturating_sub(from)) as f64 * 1e-3;
-    let panels = [("Real", overlay.real), ("Simulated", overlay.simulated)];
+    let panels = [("Recorded", overlay.real), ("Generated", overlay.simulated)];
     let panels = panels.into_iter().map(|(title, events)| {
         let shown = events.between(from, to);
         let mut image = ground.clone();

@@ -28,9 +28,9 @@ pub fn figure(centres_s: &[f64], on: &RatePlot<'_>, off: &RatePlot<'_>) -> Figur
         let [real, simulated] = [curve.real, curve.simulated].map(mean);
         Panel {
             title: format!("{name} events"),
-            note: format!("mean: real {real}, simulated {simulated}"),
+            note: format!("mean: recorded {real}, generated {simulated}"),
             alt: format!(
-                "{name} rate over time: real {real}, simulated {simulated} events per second and \
+                "{name} rate over time: recorded {real}, generated {simulated} events per second and \
                  pixel on average."
             ),
             drawing: chart.draw_wide(),
@@ -43,8 +43,8 @@ pub fn figure(centres_s: &[f64], on: &RatePlot<'_>, off: &RatePlot<'_>) -> Figur
                   refractory period, limited bandwidth or readout saturation."
             .to_owned(),
         legend: vec![
-            LegendEntry::new(Ink::Real, LegendMark::Line, "real"),
-            LegendEntry::new(Ink::Simulated, LegendMark::Line, "simulated"),
+            LegendEntry::new(Ink::Real, LegendMark::Line, "recorded"),
+            LegendEntry::new(Ink::Simulated, LegendMark::Line, "generated"),
         ],
         panels: vec![panel("ON", on), panel("OFF", off)],
         data: None,
@@ -96,7 +96,7 @@ mod tests {
         let simulated = [Estimate::normal(1.0, 0.1, 9); 3];
         let curve = RatePlot { real: &real, simulated: &simulated };
         let figure = figure(&[0.5, 1.5, 2.5], &curve, &curve);
-        assert_eq!(figure.panels[0].note, "mean: real 3.00, simulated 1.00");
+        assert_eq!(figure.panels[0].note, "mean: recorded 3.00, generated 1.00");
         assert!(figure.panels[1].drawing.wide().contains("band ink-sim"));
     }
 }

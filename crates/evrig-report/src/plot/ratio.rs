@@ -1,4 +1,4 @@
-//! Map of the ratio of simulated to real events.
+//! Map of the ratio of generated to recorded events.
 
 use super::Drawing;
 use super::colour::{diverging_dark, diverging_light};
@@ -33,7 +33,7 @@ pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
     Ok(Figure {
         title: "Ratio of event counts".to_owned(),
         caption: format!(
-            "Simulated over real events. Orange: too many simulated events; blue: too few; \
+            "Generated over recorded events. Orange: too many generated events; blue: too few; \
              background colour: equal. Cells are 1 to {LARGEST_CELL} pixels wide with about \
              {EVENTS_PER_CELL} events or more. The ratio is at least 2 on {too_many} % of the \
              area and at most 1/2 on {too_few} %. Differences along edges indicate contrast or \
@@ -44,7 +44,7 @@ pub fn figure(maps: &CountMaps<'_>) -> Result<Figure, PixelImageError> {
             title: "Simulated / real".to_owned(),
             note: String::new(),
             alt: format!(
-                "Map of the ratio of simulated to real events: at least twice as many on \
+                "Map of the ratio of generated to recorded events: at least twice as many on \
                  {too_many} % of the area, at most half as many on {too_few} %."
             ),
             drawing: Drawing::single(image_panel::draw(
@@ -62,7 +62,7 @@ fn bar() -> Bar {
     let at = |i: usize| i as f64 / 127.5 - 1.0;
     let factor = |v: i32| if v < 0 { format!("1/{}", 1 << -v) } else { format!("{}", 1 << v) };
     Bar {
-        label: "simulated / real (factor; log scale)".to_owned(),
+        label: "generated / recorded (factor; log scale)".to_owned(),
         kind: ScaleKind::Linear,
         range: [-MAX_LOG2, MAX_LOG2],
         ticks: Some((-3..=3).map(|v| (f64::from(v), factor(v))).collect()),

@@ -19,7 +19,7 @@ pub fn departures_figure(measures: &[MeasureRow]) -> Figure {
         .map(|m| format!("{} {} ({})", m.name, quantity(&m.estimate), m.verdict().word()))
         .collect();
     Figure {
-        title: "Similarity of real and simulated events".to_owned(),
+        title: "Similarity of recorded and generated events".to_owned(),
         caption: "Measures with 90\u{a0}% intervals, in healthy tolerances: 0 is identical, the \
             shaded range is healthy; ratios are on a log scale, distances are positive. Filled \
             circle: healthy; ring: borderline; diamond: outside."
