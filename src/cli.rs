@@ -9,6 +9,7 @@ mod check;
 mod demo;
 mod diagnose;
 mod emulate;
+mod groups;
 mod guard;
 mod import;
 mod live;
@@ -29,6 +30,7 @@ pub use check::CheckArgs;
 pub use demo::{CONCEALABLE, DemoArgs};
 pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
+pub use groups::command;
 pub use guard::GuardArgs;
 pub use import::{
     EventArgs, ImportAedat4Args, ImportAnyArgs, ImportArgs, ImportCommand, ImportFramesArgs,
@@ -52,8 +54,11 @@ pub use target::{FilterArgs, FilterChoice, SceneArgs, SyncArgs, TrackArgs};
 /// differ.
 #[derive(Debug, Parser)]
 #[command(name = "evrig", version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong use or wrong description file, \
-    3 done with losses, 4 done and the verdict is negative, 130 aborted by the operator.")]
+#[command(
+    after_help = "`evrig COMMAND -h` shows the options in general use, `--help` all of them.\n\n\
+    Exit codes: 0 done, 1 failed, 2 wrong use or wrong description file, \
+    3 done with losses, 4 done and the verdict is negative, 130 aborted by the operator."
+)]
 pub struct Cli {
     /// Options of every command.
     #[command(flatten)]
@@ -68,22 +73,22 @@ pub struct Cli {
 #[derive(Debug, Clone, Copy, Args)]
 pub struct GlobalArgs {
     /// Print one machine-readable JSON value on stdout and nothing else there
-    #[arg(long, global = true)]
+    #[arg(long, global = true, hide = true)]
     pub json: bool,
 
     /// More messages on stderr (twice: even more)
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    #[arg(short, long, global = true, hide = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
 
     /// Only errors on stderr; no progress bars
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, hide = true, conflicts_with = "verbose")]
     pub quiet: bool,
 }
 
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Record five seconds on the simulated rig, process them and write the report
+    /// Conceal an effect in a simulated session, find it, and write the report
     Demo(DemoArgs),
     /// Import a recording made by other software as a session
     Import(ImportArgs),

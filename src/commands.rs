@@ -4,9 +4,9 @@
 //! Only here is anything printed, and only here does an error become a message and an exit code.
 
 use crate::batch::BatchError;
-use crate::cli::{Cli, Command};
+use crate::cli::{self, Cli, Command};
 use crate::pipeline::PipelineError;
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 use evrig_session::StreamName;
 use std::process::ExitCode;
 
@@ -65,7 +65,8 @@ pub enum Ending {
 /// Reads the command line, runs the command, reports its end.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let matches = cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let output = Output::new(cli.global);
     let ending = match run(cli.command, &output) {
         Ok(ending) => ending,

@@ -59,11 +59,23 @@ fn arguments(request: &ProcessRequest, splits: &Splits) -> Result<Vec<String>, B
     Ok(arguments)
 }
 
+/// Submits a job. Where Slurm accepts none of it, the dataset has the state from before.
 fn send(root: &Path, job: SlurmJob) -> Result<SlurmJob, BatchError> {
-    for session in &job.sessions {
+    let slurm = Slurm::new(root)?;
+    let former = read_job(root)?;
+    let sessions = job.sessions.clone();
+    let outcomes: Vec<SessionOutcome> =
+        sessions.iter().filter_map(|session| read_outcome(root, session)).collect();
+    for session in &sessions {
         clear_outcome(root, session)?;
     }
-    Slurm::new(root)?.submit(job)
+    let sent = slurm.submit(job);
+    let is_accepted = read_job(root)?.is_some_and(|job| !job.arrays.is_empty());
+    if sent.is_err() && !is_accepted {
+        slurm.withdraw(former.as_ref())?;
+        outcomes.iter().try_for_each(|outcome| write_outcome(root, outcome))?;
+    }
+    sent
 }
 
 fn submitted(root: &Path) -> Result<SlurmJob, BatchError> {

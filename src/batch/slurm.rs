@@ -140,6 +140,18 @@ impl Slurm {
         Ok(write_whole(&path, text.as_bytes())?)
     }
 
+    /// Replaces the record of a job that Slurm did not accept by the former one.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn withdraw(&self, former: Option<&SlurmJob>) -> Result<(), BatchError> {
+        let path = self.folder().join("job.json");
+        match former {
+            Some(job) => self.write(job),
+            None => std::fs::remove_file(&path).map_err(BatchError::io(&path)),
+        }
+    }
+
     /// The state of each of a job's sessions, as far as Slurm still knows of it.
     ///
     /// # Errors

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 
 /// Effects that can be concealed: in the trials of the diagnosis, each was named whenever it was as
 /// strong as here.
-pub const CONCEALABLE: [&str; 6] = [
+pub const CONCEALABLE: [&str; 5] = [
     "refractory_period",
     "fixed_pole",
     "photoreceptor_bandwidth",
-    "clock_offset",
     "event_drop",
     "threshold_asymmetry",
 ];

@@ -87,29 +87,29 @@ impl RawFrameArgs {
 pub struct EventArgs {
     /// Unit of the times of events in tables: s, ms, us or ns [default: stated by the file, or the
     /// only one that fits]
-    #[arg(long, value_name = "UNIT")]
+    #[arg(hide_short_help = true, long, value_name = "UNIT")]
     pub time_unit: Option<TimeUnit>,
 
     /// Order of the columns of a table, as txyp or -xypt; - is a column to ignore [default: by their
     /// names, or the only order that fits]
-    #[arg(long, value_name = "ORDER", allow_hyphen_values = true)]
+    #[arg(hide_short_help = true, long, value_name = "ORDER", allow_hyphen_values = true)]
     pub columns: Option<ColumnOrder>,
 
     /// Values of ON and OFF in a table, as 1,0 or 1,-1 [default: by the values]
-    #[arg(long, value_name = "ON,OFF", allow_hyphen_values = true)]
+    #[arg(hide_short_help = true, long, value_name = "ON,OFF", allow_hyphen_values = true)]
     pub polarity: Option<PolarityRule>,
 
     /// Which table, topic or event stream of a file with several; of a ROS recording also the frames
     /// and inertial samples beside the topic
-    #[arg(long, value_name = "NAME", visible_alias = "topic")]
+    #[arg(hide_short_help = true, long, value_name = "NAME", visible_alias = "topic")]
     pub table: Option<String>,
 
     /// Which epoch, where the device's clock restarted: longest, a number from 1, or all
-    #[arg(long, value_name = "EPOCH", default_value = "longest")]
+    #[arg(hide_short_help = true, long, value_name = "EPOCH", default_value = "longest")]
     pub epoch: EpochChoice,
 
     /// Time of the first event on the frames' clock, µs
-    #[arg(long, value_name = "US", allow_hyphen_values = true)]
+    #[arg(hide_short_help = true, long, value_name = "US", allow_hyphen_values = true)]
     pub events_begin: Option<i64>,
 }
 

@@ -73,7 +73,7 @@ pub struct ModelArgs {
     #[arg(long, value_name = "MODEL")]
     pub model: Option<String>,
 
-    /// A published set of parameters: DVS346, DVS240, Raw2DVS346, RGB2DVS346, one of esim and v2e;
+    /// A published set of parameters: dvs346, dvs240, raw2dvs346, rgb2dvs346, one of esim and v2e;
     /// or tuned: those of `evrig calibrate` on this session
     #[arg(long, value_name = "PRESET", conflicts_with = "k")]
     pub preset: Option<String>,
@@ -104,33 +104,33 @@ pub struct ModelArgs {
 pub struct ConditionArgs {
     /// A physical effect, as refractory_period:refractory_us=800 (commas between parameters); may
     /// be given several times
-    #[arg(long = "effect", value_name = "ID:KEY=VALUE,...")]
+    #[arg(hide_short_help = true, long = "effect", value_name = "ID:KEY=VALUE,...")]
     pub effects: Vec<String>,
 
     /// A TOML file of effects: refractory_period = { refractory_us = 800 }
-    #[arg(long = "effects", value_name = "FILE")]
+    #[arg(hide_short_help = true, long = "effects", value_name = "FILE")]
     pub effects_file: Option<PathBuf>,
 
     /// Interpolate frames to at most this interval, linearly in log intensity
-    #[arg(long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
+    #[arg(hide_short_help = true, long, value_name = "STEP_US", num_args = 0..=1, default_missing_value = "1000")]
     pub interpolate: Option<u32>,
 
     /// Interpolate along the motion of the target instead of per pixel: needs the stream's track,
     /// removes the frame rhythm and the rolling shutter from the events; raw frames are taken as
     /// luma
-    #[arg(long)]
+    #[arg(hide_short_help = true, long)]
     pub in_plane: bool,
 
     /// Channel of raw frames: mosaic, luma, or red, green, blue at half the size [default: mosaic]
-    #[arg(long, value_name = "COLOUR")]
+    #[arg(hide_short_help = true, long, value_name = "COLOUR")]
     pub colour: Option<String>,
 
     /// Subtract the stated black level; the published generator does not
-    #[arg(long)]
+    #[arg(hide_short_help = true, long)]
     pub subtract_black: bool,
 
     /// Divide by exposure time and gain, so that automatic exposure generates no events
-    #[arg(long)]
+    #[arg(hide_short_help = true, long)]
     pub divide_exposure: bool,
 }
 

@@ -3,12 +3,16 @@
 use super::{Ending, Output};
 use crate::cli::{CompletionsArgs, ManArgs};
 use anyhow::Context;
+use std::io::Write;
 
 pub(super) fn completions(
     args: &CompletionsArgs,
     cli: &mut clap::Command,
 ) -> anyhow::Result<Ending> {
-    clap_complete::generate(args.shell, cli, "evrig", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, cli, "evrig", &mut script);
+    // A closed pipe is the reader's choice.
+    let _ = std::io::stdout().write_all(&script);
     Ok(Ending::Done)
 }
 

@@ -61,8 +61,10 @@ pub(super) fn line(calibration: &Calibration, freshness: Freshness) -> String {
         value.map_or_else(|| "unknown".to_owned(), |value| significant(value, 4))
     };
     format!(
-        "{}k = {k} (from {from}); {objective} on held-out tiles {} with published k, {} with these",
+        "{}k = {} (from {from}); {objective} on held-out tiles, less is better: {} with published k, \
+         {} with these",
         if freshness == Freshness::Fresh { "(fresh) " } else { "" },
+        <[f64; 6]>::from(*k).map(|k| significant(k, 4)).join(", "),
         held_out("published"),
         held_out(from),
     )
@@ -72,7 +74,8 @@ pub(super) fn line(calibration: &Calibration, freshness: Freshness) -> String {
 fn table(calibration: &Calibration) -> String {
     let cell = |constant: &Constant| {
         let [low, high] = constant.ci95;
-        format!("{:.4e} [{low:.3e}, {high:.3e}]", constant.estimate.value)
+        let [low, high] = [low, high].map(|end| significant(end, 3));
+        format!("{} [{low}, {high}]", significant(constant.estimate.value, 4))
     };
     let mut text =
         format!("{:<4} {:<42} {}\n", "", "passages [95 %]", "paper's regressions [95 %]");

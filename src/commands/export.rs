@@ -3,6 +3,7 @@
 use super::{Ending, Output, WrongUse};
 use crate::cli::{ExportArgs, ExportFormatArg as Chosen, ExportKind};
 use crate::export::{EventSelection, ExportFormat, ExportRequest, export};
+use evrig_report::number::counted;
 use evrig_session::{Session, StreamKind};
 use serde_json::json;
 
@@ -27,7 +28,7 @@ pub(super) fn run(args: &ExportArgs, output: &Output) -> anyhow::Result<Ending> 
             args.stream
         ));
     }
-    let mut words: Vec<String> = made.n_events.map(|n| format!("{n} events")).into_iter().collect();
+    let mut words: Vec<String> = made.n_events.map(|n| counted(n, "event")).into_iter().collect();
     words.extend(made.arrays.iter().map(|array| format!("{} {:?}", array.name, array.shape)));
     words.extend(made.beside.iter().map(|path| format!("also {}", path.display())));
     for because in &made.left_out {

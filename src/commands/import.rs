@@ -28,6 +28,10 @@ fn any(args: &ImportAnyArgs, output: &Output) -> anyhow::Result<Ending> {
     let (Some(path), Some(out)) = (&args.path, &args.out) else {
         return Err(WrongUse("give the recording to import, and --out".into()).into());
     };
+    if !path.exists() {
+        let what = format!("{}: there is no such file or folder; check the path", path.display());
+        return Err(WrongUse(what).into());
+    }
     let events = args.events.clone();
     match detect(path)? {
         RecordingKind::Aedat4 => {

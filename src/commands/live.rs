@@ -11,8 +11,9 @@ use evrig_core::time::Span;
 use evrig_record::recorder::{
     Received, Recorder, RecorderSample, SampleReceiver, channel, host_time,
 };
+use evrig_report::number::counted;
 use evrig_session::SessionLayout;
-use evrig_session::rig::Rig;
+use evrig_session::rig::{ArmPort, Rig};
 use evrig_sim::world::WorldDescription;
 use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -36,6 +37,7 @@ struct LiveSource {
     /// Size of the Pi's frames and their delay from row to row; none where there are none.
     pi: Option<(Size, Span)>,
     rig: Option<OpenRig>,
+    is_arm_simulated: bool,
 }
 
 pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
@@ -54,6 +56,9 @@ pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
     output.say(format_args!("frames  tcp://{}", live.frames().address()));
     if let Some(address) = live.foxglove() {
         output.say(format_args!("Foxglove  ws://{address}"));
+    }
+    if source.is_arm_simulated {
+        output.say("the simulated arm rests: events come from changes of light only");
     }
     let mut generation = generation(args, &source, output)?;
     let (outlet, inlet) = channel(QUEUE_BYTES);
@@ -75,7 +80,7 @@ pub(super) fn live(args: &LiveArgs, output: &Output) -> anyhow::Result<Ending> {
         "n_dropped_for_viewers": last.status.n_dropped_for_viewers,
         "generated": generated,
     });
-    let mut text = format!("{} events in {n_samples} samples shown", last.n_events);
+    let mut text = format!("{} in {n_samples} samples shown", counted(last.n_events, "event"));
     if let Some(tally) = &generated {
         text += &format!("\ngenerated: {}", generation_words(tally));
     }
@@ -122,6 +127,7 @@ fn open(args: &LiveArgs) -> anyhow::Result<LiveSource> {
             size,
             pi: None,
             rig: None,
+            is_arm_simulated: false,
         });
     }
     let rig = Rig::find(&args.what).map_err(refused)?;
@@ -137,7 +143,8 @@ fn open(args: &LiveArgs) -> anyhow::Result<LiveSource> {
     let tag = (rig.target.tag_family.clone(), rig.target.tag_id);
     let (size, pi) = (rig.davis.camera.size, &rig.pi.camera);
     let pi = Some((pi.size, pi.row_time));
-    Ok(LiveSource { recorders, tag, size, pi, rig: Some(open) })
+    let is_arm_simulated = rig.arm.port == ArmPort::Sim;
+    Ok(LiveSource { recorders, tag, size, pi, rig: Some(open), is_arm_simulated })
 }
 
 /// What there was in all.

@@ -74,30 +74,11 @@ struct RecordingRun<'a> {
 }
 
 /// One recording that ended.
-pub(super) struct RecordedTake {
-    pub(super) ending: Ending,
-    pub(super) manifest: Manifest,
-    pub(super) value: Value,
+struct RecordedTake {
+    ending: Ending,
+    manifest: Manifest,
+    value: Value,
     text: String,
-}
-
-/// Records one session on the simulated rig; none where the operator ends it before it begins.
-pub(super) fn simulated(
-    trajectory: &str,
-    world_file: Option<&std::path::Path>,
-    seed: u64,
-    out: &std::path::Path,
-    output: &Output,
-) -> anyhow::Result<Option<RecordedTake>> {
-    let (rig, trajectory, path) = described("sim", trajectory, OptionalSegments::Included)?;
-    let world = world(world_file)?;
-    let start = path.start();
-    let opening = OpenOptions { replay_speed: Some(1.0), home: false, start, world: &world, seed };
-    let work = RecordingRun::new((&rig, &trajectory, &path), false, output)?;
-    if !work.may_move() {
-        return Ok(None);
-    }
-    work.take(out, &opening, None).map(Some)
 }
 
 impl<'a> RecordingRun<'a> {
@@ -132,6 +113,9 @@ impl<'a> RecordingRun<'a> {
                     break;
                 }
             }
+        }
+        if text.is_empty() {
+            text = format!("all {} runs were recorded before", list.n_runs());
         }
         let value = json!({
             "schema": RUNS_SCHEMA, "n_runs": list.n_runs(), "attempts": list.attempts(),
@@ -211,7 +195,8 @@ fn summarise(
         let _ = writeln!(text, "{:<16} {:>12} {}", stream.name, stream.count, stream.kind);
     }
     for loss in &manifest.losses {
-        output.warn(format_args!("{}: {} ({})", loss.stream, loss.what, loss.count));
+        let count = if loss.count > 0 { format!(" ({})", loss.count) } else { String::new() };
+        output.warn(format_args!("{}: {}{count}", loss.stream, loss.what));
     }
     let verdict = if holds { "verified" } else { "does NOT verify" };
     let _ = write!(text, "{}: {}, {verdict}", out.display(), manifest.status);

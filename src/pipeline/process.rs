@@ -154,7 +154,10 @@ impl ProcessRun<'_> {
         let mut streams = vec![(signal.to_owned(), choice.parameters_on(session, signal)?)];
         if is_calibrated && !choice.is_given() {
             let parameters = choice.or_preset("tuned").parameters_on(session, signal)?;
-            streams.push((format!("{signal}-tuned"), parameters));
+            // Published constants that predict better are kept; their events are there already.
+            if parameters != streams[0].1 {
+                streams.push((format!("{signal}-tuned"), parameters));
+            }
         }
         for (name, parameters) in streams {
             match self.generate(signal, &name, parameters) {

@@ -8,6 +8,7 @@ use super::plot::bars::{Bar, draw};
 use super::plot::heat::counts_panels;
 use super::plot::{Ink, strip};
 use super::verdict::{basis, headline, removed};
+use super::words::readable_times;
 use evrig_analysis::diagnose::{
     Diagnosis, DiagnosisVerdict, FittedEffect, ForwardSimulation, HeatMap, MisfitStratum,
 };
@@ -53,12 +54,12 @@ pub fn summary(
         let figures = compared.first().map(first).into_iter().collect();
         return ReportSummary { headline, remarks, figures, ..ReportSummary::default() };
     };
+    // Measures of generated streams open their own sections: they are of other camera models.
     let diagnosis = &results.diagnosis;
     let removed = removed(diagnosis);
-    remarks.insert(0, format!("{removed} {}", basis(diagnosis)).trim().to_owned());
     ReportSummary {
         headline: headline(diagnosis),
-        remarks,
+        remarks: vec![format!("{removed} {}", basis(diagnosis)).trim().to_owned()],
         figures: pictures(results),
         ..ReportSummary::default()
     }
@@ -81,7 +82,7 @@ fn place(diagnosis: &Diagnosis) -> Option<Figure> {
         return None;
     }
     let bar = |stratum: &MisfitStratum| Bar {
-        label: stratum.description.clone(),
+        label: readable_times(&stratum.description),
         value: stratum.excess_nats_per_event,
         ink: Ink::Simulated,
     };
@@ -143,7 +144,7 @@ fn figure(title: &str, caption: &str, bars: &[Bar]) -> Figure {
 
 /// Events per pixel: recorded, generated without and with the named effects.
 fn generated(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
-    let titles = ["Recorded", "Generated without the effect", "Generated with it"];
+    let titles = ["Recorded", "Generated without it", "Generated with it"];
     let titles = if is_corrected { &titles[..] } else { &["Recorded", "Generated"] };
     let maps: Vec<(String, &[u32])> = titles
         .iter()

@@ -11,7 +11,7 @@ use super::plot::Ink;
 use super::plot::chart::{Chart, ChartAxis, Layer};
 use super::table::{ReportTable, TableCell, TableColumn};
 use super::verdict::{basis, headline, removed};
-use super::words::{estimate_words, parameter_words, quantity_words};
+use super::words::{estimate_words, parameter_words, quantity_words, readable_times};
 use evrig_analysis::diagnose::{
     Diagnosis, DiagnosisVerdict, FittedEffect, MisfitStratum, ProposedTerm, RejectedEffect,
     UntestableEffect,
@@ -30,7 +30,9 @@ pub fn section(results: &DiagnosisResults) -> Section {
             let equation = if effect.equation.is_empty() { "" } else { " Equation: " };
             SectionBlock::Text(format!(
                 "{}: {}.{equation}{}",
-                effect.name, effect.description, effect.equation
+                effect.name,
+                readable_times(&effect.description),
+                effect.equation
             ))
         }));
     }
@@ -188,7 +190,7 @@ fn suspects(suspects: &[RejectedEffect]) -> ReportTable {
 fn wheres(title: &str, places: &[MisfitStratum]) -> ReportTable {
     let row = |place: &MisfitStratum| {
         vec![
-            TableCell::text(&place.description),
+            TableCell::text(&readable_times(&place.description)),
             TableCell::number(place.excess_nats_per_event),
             place.innovation_thresholds.map_or_else(|| TableCell::text(""), TableCell::number),
             TableCell::count(place.n_events),

@@ -50,6 +50,25 @@ pub fn quantity(estimate: &Estimate) -> Quantity {
     Quantity { value: rounded(value), error: rounded(standard_error) }
 }
 
+/// A number of things: "1 event", "2 events".
+#[must_use]
+pub fn counted(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// "2nd", "11th", "101st".
+#[must_use]
+pub fn ordinal(n: usize) -> String {
+    let ending = match (n % 100, n % 10) {
+        (11..=13, _) => "th",
+        (_, 1) => "st",
+        (_, 2) => "nd",
+        (_, 3) => "rd",
+        _ => "th",
+    };
+    format!("{n}{ending}")
+}
+
 /// A value to `digits` significant digits; with powers of ten outside 1e-4 to 1e6.
 #[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
@@ -107,6 +126,15 @@ mod tests {
 
     fn shown(value: f64, error: f64) -> String {
         quantity(&Estimate::normal(value, error, 10)).to_string()
+    }
+
+    #[test]
+    fn one_thing_has_no_plural_and_ordinals_end_as_spoken() {
+        assert_eq!([counted(1, "event"), counted(0, "event")], ["1 event", "0 events"]);
+        assert_eq!(
+            [2, 3, 11, 101, 112, 20].map(ordinal),
+            ["2nd", "3rd", "11th", "101st", "112th", "20th"]
+        );
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::answer::{self, DiagnosisResults};
 use super::figure::FileLink;
-use super::measure::MeasureRow;
-use super::number::{count, significant};
+use super::measure::{MeasureRow, headline};
+use super::number::{count, ordinal, significant};
 use super::page::{Fact, Page, Section, SectionBlock};
 use super::plot::pixel_image::PixelImageError;
 use super::plot::{cloud, heat, interval, overlay, rate, ratio};
@@ -55,7 +55,7 @@ pub fn page(
         compared.iter().map(|c| (c.name.clone(), measures(&c.name, &c.comparison))).collect();
     let mut summary = answer::summary(diagnosed, &measured);
     summary.facts = facts(manifest);
-    summary.remarks.extend(simulated(manifest));
+    summary.remarks.splice(0..0, simulated(manifest));
     summary.remarks.extend(losses(manifest));
     let mut sections: Vec<Section> = diagnosed.map(diagnosis::section).into_iter().collect();
     for stream in compared {
@@ -75,8 +75,9 @@ pub fn page(
 
 fn facts(manifest: &Manifest) -> Vec<Fact> {
     let streams = manifest.streams.iter();
+    let is_shown = |kind| matches!(kind, StreamKind::Events | StreamKind::Frames);
     let mut facts: Vec<Fact> = streams
-        .filter(|stream| stream.count > 0)
+        .filter(|stream| stream.count > 0 && is_shown(stream.kind))
         .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
         .collect();
     // Streams on other clocks or from the preflight do not give the duration of the recording.
@@ -144,8 +145,9 @@ fn section(
     Ok(Section {
         title: format!("Generated stream “{}” against the recorded events", stream.name),
         lead: format!(
-            "{} recorded and {} generated events in {:.3} s on {} pixels of {}. Errors are from a \
+            "{} {} recorded and {} generated events in {:.3} s on {} pixels of {}. Errors are from a \
              cluster bootstrap over time blocks or tiles of pixels.",
+            headline(&measures(&stream.name, comparison)),
             count(comparison.n_real),
             count(comparison.n_simulated),
             (end - start) as f64 * 1e-6,
@@ -257,7 +259,7 @@ fn cloud_figure(
         simulated: simulated.as_slice(),
     });
     if step > 1 {
-        figure.caption += &format!(" Every {step}th event of each stream is drawn.");
+        figure.caption += &format!(" Every {} event of each stream is drawn.", ordinal(step));
     }
     figure
 }

@@ -30,8 +30,8 @@ fn effect_sentence(effect: &FittedEffect) -> String {
     let parameters = effect.parameters.iter().map(|(key, value)| {
         let words = quantity_words(key).0;
         let value = estimate_words(key, value);
-        // A refractory period's one parameter needs no second name.
-        if name.starts_with(&words) { value } else { format!("{words} {value}") }
+        // A clock offset's parameter `offset` needs no second name.
+        if name.contains(&words) { value } else { format!("{words} {value}") }
     });
     let parameters: Vec<String> = parameters.collect();
     if parameters.is_empty() { name } else { format!("{name} of {}", parameters.join(", ")) }

@@ -72,6 +72,25 @@ pub fn parameter_words(effect: &FittedEffect) -> String {
     effect.parameters.iter().map(words).collect::<Vec<String>>().join(", ")
 }
 
+/// A sentence with times of a millisecond and more, given in microseconds, in milliseconds.
+#[must_use]
+pub fn readable_times(text: &str) -> String {
+    let mut words: Vec<String> = text.split(' ').map(str::to_owned).collect();
+    for at in (1..words.len()).filter(|at| text.split(' ').nth(*at) == Some("us")) {
+        // "from 22590 to 1277002 us" has two of them.
+        let is_range = at >= 3 && words[at - 2] == "to";
+        let places = if is_range { vec![at - 3, at - 1] } else { vec![at - 1] };
+        let values: Vec<f64> = places.iter().filter_map(|i| words[*i].parse().ok()).collect();
+        if values.len() == places.len() && values.iter().any(|value| value.abs() >= 1e3) {
+            for (place, value) in places.into_iter().zip(values) {
+                words[place] = significant(value * 1e-3, 3);
+            }
+            "ms".clone_into(&mut words[at]);
+        }
+    }
+    words.join(" ")
+}
+
 /// A list in a sentence: "a, b and c".
 #[must_use]
 pub fn enumeration(words: &[String]) -> String {
@@ -115,6 +134,15 @@ mod tests {
             estimate_words("refractory_us", &estimate),
             "4.512\u{a0}ms (90\u{a0}% interval 4.480\u{a0}ms to 4.544\u{a0}ms)"
         );
+    }
+
+    #[test]
+    fn long_times_in_sentences_are_in_milliseconds() {
+        let says = "events 22590 to 1277002 us after the pixel's last one come late";
+        let read = "events 22.6 to 1280 ms after the pixel's last one come late";
+        assert_eq!(readable_times(says), read);
+        assert_eq!(readable_times("a jitter of 800 us"), "a jitter of 800 us");
+        assert_eq!(readable_times("stamps are 4356 us late"), "stamps are 4.36 ms late");
     }
 
     #[test]

@@ -69,7 +69,11 @@ impl Session {
                 root: self.root().to_owned(),
                 kind,
                 name: name.to_owned(),
-                known: if names.is_empty() { "none".into() } else { names.join(", ") },
+                known: if names.is_empty() {
+                    format!("no stream of {kind}; `evrig info` lists its streams")
+                } else {
+                    names.join(", ")
+                },
             }
         })
     }

@@ -18,8 +18,11 @@ use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// A circle and a part of the next: every direction of motion, and a third of a gigabyte of files.
+/// A circle: every direction of motion.
 const DURATION_S: f64 = 4.0;
+
+/// Frames of the Pi a second.
+const PI_FRAMES_HZ: f64 = 60.0;
 
 /// Strengths between which the effect is drawn, in units of the trials' table: far enough above the
 /// detection floor that a miss is a fault.
@@ -63,12 +66,21 @@ pub(super) fn record(
     watch: &mut dyn FnMut(f64),
 ) -> anyhow::Result<Manifest> {
     let (_, trajectory, path) = described("sim", "circle", OptionalSegments::LeftOut)?;
-    // The RGB path is a copy of the raw one; no stage of the demo needs both.
-    let rig = Rig::simulated().and_then(|rig| rig.without_rgb())?;
+    let rig = demo_rig()?;
     let duration = Some(Span::from_secs_f64(DURATION_S).min(path.duration()));
     let (trajectory, path) = (&trajectory, &path);
     let simulation = Simulation { rig: &rig, trajectory, path, world, seed, out, duration };
     simulate(&simulation, watch).context("the recording failed")
+}
+
+/// The simulated rig with half as many frames of the Pi, raw only: the demo needs no more.
+fn demo_rig() -> anyhow::Result<Rig> {
+    let mut text: toml::Table = toml::from_str(&Rig::simulated()?.text)?;
+    if let Some(pi) = text.get_mut("pi").and_then(toml::Value::as_table_mut) {
+        pi.insert("rgb".to_owned(), false.into());
+        pi.insert("frame_rate_hz".to_owned(), PI_FRAMES_HZ.into());
+    }
+    Ok(Rig::parse("sim, with half as many frames of the Pi", &toml::to_string(&text)?)?)
 }
 
 impl SealedPaths {

@@ -1,6 +1,7 @@
 //! A generation for people and as JSON.
 
 use crate::pipeline::{Freshness, GenerateRequest, Generated};
+use evrig_report::number::counted;
 use serde_json::json;
 
 /// The result as consumers of `--json` get it.
@@ -28,8 +29,11 @@ pub(in crate::commands) fn value(request: &GenerateRequest, made: &Generated) ->
 pub(in crate::commands) fn text(request: &GenerateRequest, made: &Generated) -> String {
     let tally = &made.tally;
     let mut text = format!(
-        "{}: {} events from {} frames of {}",
-        request.name, tally.n_events, tally.n_frames, request.from
+        "{}: {} from {} of {}",
+        request.name,
+        counted(tally.n_events, "event"),
+        counted(tally.n_frames, "frame"),
+        request.from
     );
     if tally.n_frames_not_later > 0 {
         text += &format!(", {} frames left out (not later)", tally.n_frames_not_later);

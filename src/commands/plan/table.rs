@@ -1,5 +1,6 @@
 //! A plan as text and tables.
 
+use evrig_report::number::counted;
 use evrig_session::trajectory::{Margin, Plan, SegmentPlan, Trajectory};
 use std::fmt;
 
@@ -20,10 +21,10 @@ impl fmt::Display for PlanTable<'_> {
         }
         writeln!(
             f,
-            "  {:.3} s, {:.1} mm, {} motions, each from rest to rest (corners are {})",
+            "  {:.3} s, {:.1} mm, {}, each from rest to rest (corners are {})",
             plan.duration_s,
             plan.length_mm,
-            plan.segments.len(),
+            counted(plan.segments.len() as u64, "motion"),
             plan.corners
         )?;
         writeln!(

@@ -10,8 +10,9 @@ use evrig_core::event::EventSlice;
 use hdf5_pure::{FileBuilder, FinishedGroup, GroupBuilder, H5Element};
 use std::path::Path;
 
-/// Elements per chunk: what one read decompresses.
-const CHUNK_ELEMENTS: u64 = 1 << 16;
+/// Elements per chunk: what one read decompresses. Below 65,536, whose chunk dimension `hdf5-pure`
+/// stores in four bytes: HDF5 2.0 expects three and refuses the file.
+const CHUNK_ELEMENTS: u64 = 1 << 15;
 
 /// gzip's level: its default is hardly smaller and half as fast.
 const GZIP_LEVEL: u32 = 4;

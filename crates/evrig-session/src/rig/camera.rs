@@ -186,7 +186,8 @@ impl CameraDescription {
 
     fn read(fields: &DescriptionFields<'_, '_>) -> Self {
         let [width, height] = fields.numbers("size_px", 1.0..=8192.0);
-        if width.fract() != 0.0 || height.fract() != 0.0 {
+        // What is missing is NaN and was reported.
+        if width.fract().abs() > 0.0 || height.fract().abs() > 0.0 {
             fields.complain_about("size_px", "expected whole numbers of columns and rows");
         }
         let size = Size::new(width as u16, height as u16);

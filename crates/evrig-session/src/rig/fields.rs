@@ -24,6 +24,8 @@ pub struct DescriptionFields<'a, 't> {
     table: Option<&'a DeTable<'t>>,
     at: Range<usize>,
     asked: RefCell<Vec<&'static str>>,
+    /// Keys that were probably meant to be one that is missing.
+    misspelt: RefCell<Vec<String>>,
     problems: &'a Problems,
 }
 
@@ -44,6 +46,7 @@ pub fn read_description<T>(
             table: Some(table.get_ref()),
             at: 0..0,
             asked: RefCell::default(),
+            misspelt: RefCell::default(),
             problems: &problems,
         };
         let value = read(&fields);
@@ -67,7 +70,10 @@ impl<'a, 't> DescriptionFields<'a, 't> {
                 "" => "the file".to_owned(),
                 name => format!("[{name}]"),
             };
-            self.problems.add_missing(self.at.clone(), key, &place, self.near_miss(key));
+            let near_miss = self.near_miss(key);
+            // A misspelt key is one mistake, not a missing one and an unknown one.
+            self.misspelt.borrow_mut().extend(near_miss.clone());
+            self.problems.add_missing(self.at.clone(), key, &place, near_miss);
         }
         value
     }
@@ -266,8 +272,14 @@ impl<'a, 't> DescriptionFields<'a, 't> {
         }
         let at = value.map_or(self.at.clone(), Spanned::span);
         let asked = RefCell::default();
-        let fields =
-            DescriptionFields { name: self.full(key), table, at, asked, problems: self.problems };
+        let fields = DescriptionFields {
+            name: self.full(key),
+            table,
+            at,
+            asked,
+            misspelt: RefCell::default(),
+            problems: self.problems,
+        };
         let result = read(&fields);
         fields.name_unknown_keys();
         result
@@ -307,9 +319,10 @@ impl<'a, 't> DescriptionFields<'a, 't> {
 
     fn name_unknown_keys(&self) {
         let asked = self.asked.borrow();
+        let misspelt = self.misspelt.borrow();
         for key in self.table.iter().flat_map(|table| table.keys()) {
             let name = key.get_ref().as_ref();
-            if !asked.contains(&name) {
+            if !asked.contains(&name) && !misspelt.iter().any(|key| key == name) {
                 let suggestion = closest(name, asked.iter().copied());
                 self.problems.add_unknown(key.span(), &self.full(name), suggestion, &asked);
             }

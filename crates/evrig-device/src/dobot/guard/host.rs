@@ -1,7 +1,8 @@
 //! Evrig's side of the guard: starting it, speaking through it, stopping the arm from anywhere.
 
 use super::orders::{
-    GuardOrder, GuardReport, HALT_LINE, HEARTBEAT, HEARTBEAT_LINE, STOP_LINE, line, read_line,
+    END_LINE, GuardOrder, GuardReport, HALT_LINE, HEARTBEAT, HEARTBEAT_LINE, STOP_LINE, line,
+    read_line,
 };
 use crate::dobot::frame::ArmFrame;
 use crate::dobot::link::{ArmLink, Exchange, LinkError, STOP_PATIENCE};
@@ -184,8 +185,11 @@ impl Drop for GuardLink {
             // A heartbeat that panicked has nothing left to say.
             let _ = thread.join();
         }
-        self.orders = None;
-        // A `GuardStop` may still hold the pipe open; the guard then ends for want of a heartbeat.
+        // A `GuardStop` may still hold the pipe open, so the guard is told; one that is gone needs
+        // no order.
+        if let Some(orders) = self.orders.take() {
+            let _ = (&*orders).write_all(END_LINE);
+        }
         while self.reports.recv_timeout(duration(GRACE + GRACE)).is_ok() {}
         if !matches!(self.child.try_wait(), Ok(Some(_))) {
             let reports_closed = matches!(

@@ -32,12 +32,16 @@ pub(super) enum GuardOrder {
     Stop,
     /// Stop the arm now and let nothing move it any more.
     Halt,
+    /// Evrig is done with the arm: stop it and end.
+    End,
 }
 
 /// [`GuardOrder::Stop`] ready to be written: nothing is computed or allocated when it counts.
 pub(super) const STOP_LINE: &[u8] = b"\"Stop\"\n";
 /// [`GuardOrder::Halt`] ready to be written.
 pub(super) const HALT_LINE: &[u8] = b"\"Halt\"\n";
+/// [`GuardOrder::End`] ready to be written.
+pub(super) const END_LINE: &[u8] = b"\"End\"\n";
 /// [`GuardOrder::Heartbeat`] ready to be written.
 pub(super) const HEARTBEAT_LINE: &[u8] = b"\"Heartbeat\"\n";
 
@@ -89,6 +93,7 @@ mod tests {
     fn the_ready_made_lines_are_the_encoded_orders() {
         assert_eq!(line(&GuardOrder::Stop), STOP_LINE);
         assert_eq!(line(&GuardOrder::Halt), HALT_LINE);
+        assert_eq!(line(&GuardOrder::End), END_LINE);
         assert_eq!(line(&GuardOrder::Heartbeat), HEARTBEAT_LINE);
     }
 

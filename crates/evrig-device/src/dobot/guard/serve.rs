@@ -126,10 +126,11 @@ impl<W: Write> Guard<'_, W> {
         }
     }
 
-    /// Does what is ordered; false when evrig no longer listens.
+    /// Does what is ordered; false when evrig no longer listens or is done.
     fn execute(&mut self, order: GuardOrder) -> bool {
         match order {
             GuardOrder::Heartbeat => true,
+            GuardOrder::End => false,
             GuardOrder::Stop => self.stop_and_report(),
             GuardOrder::Halt => self.halt(),
             // Reads go on behind a halt, but the first one reports it: it may be from
@@ -162,7 +163,9 @@ impl<W: Write> Guard<'_, W> {
                     Err(TryRecvError::Disconnected) => return true,
                 }
             }
-            waiting.iter().any(|order| matches!(order, GuardOrder::Stop | GuardOrder::Halt))
+            waiting
+                .iter()
+                .any(|order| matches!(order, GuardOrder::Stop | GuardOrder::Halt | GuardOrder::End))
                 || is_signalled.load(Ordering::Relaxed)
                 || is_late(*last_heartbeat)
         })
