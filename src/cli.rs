@@ -28,7 +28,7 @@ pub use batch::{BatchArgs, Engine, EngineArgs, SplitByArg};
 pub use camera_report::CameraReportArgs;
 pub use check::CheckArgs;
 pub use demo::{CONCEALABLE, DemoArgs};
-pub use diagnose::{BaselineChoice, DiagnoseArgs, EngineChoice};
+pub use diagnose::{BaselineChoice, DiagnoseArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
 pub use groups::command;
 pub use guard::GuardArgs;

@@ -44,29 +44,11 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 
-    /// Null recordings, drawn from the fitted model, that show what the search finds by chance; for
-    /// the engine running-maximum
-    #[arg(long, value_name = "N")]
-    pub null: Option<usize>,
-
     /// Seed of all draws
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 
-    /// The likelihood
-    #[arg(long, value_name = "NAME", default_value = "smooth")]
-    pub engine: EngineChoice,
-
     /// Run even when the result is already there
     #[arg(long)]
     pub force: bool,
-}
-
-/// The likelihood of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum EngineChoice {
-    /// A smooth hazard with camera constants and thresholds per pixel
-    Smooth,
-    /// A running maximum against noisy thresholds: the former likelihood, slower
-    RunningMaximum,
 }

@@ -66,10 +66,6 @@ pub struct ProveArgs {
     #[arg(long, value_name = "N")]
     pub pixels: Option<usize>,
 
-    /// Null recordings of a diagnosis [default: 1]
-    #[arg(long, value_name = "N")]
-    pub null: Option<usize>,
-
     /// Time limit of a diagnosis, seconds; a stopped one counts as none [default: 1800]
     #[arg(long, value_name = "S")]
     pub deadline: Option<f64>,

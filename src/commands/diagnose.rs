@@ -2,8 +2,8 @@
 
 use super::progress::ProgressDisplay;
 use super::{Ending, Output};
-use crate::cli::{BaselineChoice, DiagnoseArgs, EngineChoice};
-use crate::pipeline::{self, Baseline, DiagnoseRequest, DiagnosisEngine, PipelineProgress};
+use crate::cli::{BaselineChoice, DiagnoseArgs};
+use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineProgress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
 
@@ -16,13 +16,8 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
         baseline,
         options: DiagnosisOptions {
             n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
-            n_null: args.null.unwrap_or(defaults.n_null),
             seed: args.seed,
             ..defaults
-        },
-        engine: match args.engine {
-            EngineChoice::RunningMaximum => DiagnosisEngine::RunningMaximum,
-            EngineChoice::Smooth => DiagnosisEngine::Smooth,
         },
         force: args.force,
     };

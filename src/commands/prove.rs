@@ -80,7 +80,6 @@ fn plan(args: &ProveArgs) -> anyhow::Result<PlannedProof> {
     let options = DiagnosisOptions {
         seed: args.seed,
         n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
-        n_null: args.null.unwrap_or(defaults.n_null),
         ..defaults
     };
     let family = trials.family();
@@ -118,11 +117,7 @@ fn trials(args: &ProveArgs, seconds: f64) -> anyhow::Result<(Option<TrialMix>, T
 
 fn prove(args: &ProveArgs, run: &PlannedProof, output: &Output) -> anyhow::Result<Proof> {
     let options = &run.plan.options;
-    let numbers = [
-        ("--pixels", options.n_pixels as u64),
-        ("--null", options.n_null as u64),
-        ("--seed", options.seed),
-    ];
+    let numbers = [("--pixels", options.n_pixels as u64), ("--seed", options.seed)];
     let program = match &args.with {
         Some(program) => program.clone(),
         None => std::env::current_exe().context("cannot find this program's own file")?,
@@ -154,13 +149,9 @@ fn prove(args: &ProveArgs, run: &PlannedProof, output: &Output) -> anyhow::Resul
 }
 
 fn heading(plan: &ProofPlan) -> String {
-    let DiagnosisOptions { n_pixels, n_null, .. } = plan.options;
+    let DiagnosisOptions { n_pixels, .. } = plan.options;
     let seconds = plan.seconds.map_or(String::new(), |s| format!(", {s} s a session"));
-    format!(
-        "Family `{}`, seed {}{seconds}, {n_pixels} pixels, {n_null} null recordings",
-        plan.family.as_str(),
-        plan.seed
-    )
+    format!("Family `{}`, seed {}{seconds}, {n_pixels} pixels", plan.family.as_str(), plan.seed)
 }
 
 /// Number of trials of each kind: as given, else the default of the family.

@@ -11,10 +11,9 @@ pub use baseline::{Baseline, default_baseline};
 use camera::{CAMERA, CAMERA_SCHEMA};
 pub use camera::{DiagnosedCamera, read_camera};
 use evrig_analysis::diagnose::{
-    self, Departure, Diagnosis, DiagnosisOptions, Evidence, FittedCamera, ForwardSimulation,
-    HeatMap, StampGrid,
+    self, Departure, Diagnosis, DiagnosisOptions, DiagnosisResult, Evidence, FittedCamera,
+    ForwardSimulation, HeatMap, StampGrid,
 };
-use evrig_analysis::inference::diagnose_smooth;
 use evrig_analysis::predict::EventsByPixel;
 use evrig_core::drive::Drive;
 use evrig_core::event::Events;
@@ -31,20 +30,8 @@ pub struct DiagnoseRequest {
     pub baseline: Baseline,
     /// Work and resolution.
     pub options: DiagnosisOptions,
-    /// The likelihood and its search.
-    pub engine: DiagnosisEngine,
     /// Run even when the result is fresh.
     pub force: bool,
-}
-
-/// The likelihood of a diagnosis and its search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum DiagnosisEngine {
-    /// A smooth hazard with camera constants and thresholds per pixel.
-    #[default]
-    Smooth,
-    /// A running maximum against logistic thresholds, searched without gradients.
-    RunningMaximum,
 }
 
 /// Runs the stage, unless its result is fresh. `progress` receives the name of each step.
@@ -60,15 +47,11 @@ pub fn diagnose(
 ) -> Result<(Diagnosis, Freshness), PipelineError> {
     let mut inputs = inputs::of_events(session, &request.real)?;
     inputs.extend(request.baseline.inputs(session)?);
-    let mut parameters = json!({
+    let parameters = json!({
         "real": request.real,
         "from": request.baseline.from(),
         "is_straight": matches!(request.baseline, Baseline::Frames(_)),
         "options": request.options,
-    });
-    parameters["engine"] = json!(match request.engine {
-        DiagnosisEngine::Smooth => "smooth",
-        DiagnosisEngine::RunningMaximum => "running-maximum",
     });
     let wanted = StageRecord::new("diagnose", None, inputs, parameters);
     let directory = session.layout().derived("diagnose", None);
@@ -79,10 +62,8 @@ pub fn diagnose(
         return Ok((diagnosis, Freshness::Fresh));
     }
     let input = prepare(session, request)?;
-    let DiagnosisOutput { diagnosis, run, heat, camera } = match request.engine {
-        DiagnosisEngine::RunningMaximum => by_running_maximum(&input, &request.options, progress),
-        DiagnosisEngine::Smooth => by_smooth_likelihood(&input, &request.options, progress),
-    };
+    let DiagnosisOutput { diagnosis, run, heat, camera } =
+        diagnosed(&input, &request.options, progress);
     clear(&directory)?;
     let write = |name: &str, text: String| {
         let path = directory.join(name);
@@ -116,57 +97,23 @@ struct DiagnosisOutput {
     camera: Option<FittedCamera>,
 }
 
-/// By the smooth likelihood.
-fn by_smooth_likelihood(
+fn diagnosed(
     input: &DiagnosisInput,
     options: &DiagnosisOptions,
     progress: &mut dyn FnMut(&str),
 ) -> DiagnosisOutput {
-    let found = diagnose_smooth(&input.evidence, &input.departures, options, progress);
+    let DiagnosisInput { evidence, departures, drive, events, .. } = input;
+    let found = diagnose::diagnose(evidence, departures, options, progress);
+    let DiagnosisResult { mut diagnosis, heat, baseline, camera } = found;
     progress("forward simulation");
-    let output = DiagnosisOutput {
-        diagnosis: found.diagnosis,
-        run: None,
-        heat: found.heat,
-        camera: found.camera,
-    };
-    output.simulated_forward(input, found.baseline.as_ref(), options.seed)
-}
-
-/// By the running maximum.
-fn by_running_maximum(
-    input: &DiagnosisInput,
-    options: &DiagnosisOptions,
-    progress: &mut dyn FnMut(&str),
-) -> DiagnosisOutput {
-    let evidence = &input.evidence;
-    let found = diagnose::diagnose(evidence, &input.departures, options, progress);
-    progress("forward simulation");
-    let baseline = FittedCamera::of(evidence, &found.baseline, &[]);
-    let camera = FittedCamera::of(evidence, &found.model, &found.diagnosis.effects);
-    let output =
-        DiagnosisOutput { diagnosis: found.diagnosis, run: None, heat: found.heat, camera };
-    output.simulated_forward(input, baseline.as_ref(), options.seed)
-}
-
-impl DiagnosisOutput {
-    /// With the forward simulation of its camera and of the baseline's, where both exist.
-    fn simulated_forward(
-        mut self,
-        input: &DiagnosisInput,
-        baseline: Option<&FittedCamera>,
-        seed: u64,
-    ) -> Self {
-        let DiagnosisInput { evidence, drive, events, .. } = input;
-        self.run = baseline.zip(self.camera.as_ref()).and_then(|(baseline, camera)| {
-            let (real, both) = (events.as_slice(), [baseline, camera]);
-            diagnose::simulate_forward(evidence, drive.as_ref(), real, both, seed)
-        });
-        if let Some(run) = &self.run {
-            self.diagnosis.fit.forward_simulation = run.measures.clone();
-        }
-        self
+    let run = baseline.zip(camera.as_ref()).and_then(|(baseline, camera)| {
+        let (real, both) = (events.as_slice(), [&baseline, camera]);
+        diagnose::simulate_forward(evidence, drive.as_ref(), real, both, options.seed)
+    });
+    if let Some(run) = &run {
+        diagnosis.fit.forward_simulation = run.measures.clone();
     }
+    DiagnosisOutput { diagnosis, run, heat, camera }
 }
 
 /// File of the forward simulation.

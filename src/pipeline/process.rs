@@ -7,11 +7,11 @@ pub use result::{ProcessStep, Processed, SkippedStage, StageResult};
 
 use super::scene_source::SCENE;
 use super::{
-    AlignProgress, CalibrateRequest, CompareRequest, Conditions, DiagnoseRequest, DiagnosisEngine,
-    FilterRequest, GenerateRequest, Generated, ModelChoice, ObjectiveKind, PipelineError,
-    PipelineProgress, ReferenceStream, VariantList, align, calibrate, common_grid, compare_with,
-    count_frames, default_baseline, default_light, diagnose, event_streams, filter, frame_streams,
-    generate, pi_streams, read_clocks, simulated_streams, track_for, variants, white_of,
+    AlignProgress, CalibrateRequest, CompareRequest, Conditions, DiagnoseRequest, FilterRequest,
+    GenerateRequest, Generated, ModelChoice, ObjectiveKind, PipelineError, PipelineProgress,
+    ReferenceStream, VariantList, align, calibrate, common_grid, compare_with, count_frames,
+    default_baseline, default_light, diagnose, event_streams, filter, frame_streams, generate,
+    pi_streams, read_clocks, simulated_streams, track_for, variants, white_of,
 };
 use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_generate::GenerateParameters;
@@ -317,7 +317,6 @@ impl ProcessRun<'_> {
                 seed: self.request.choice.seed,
                 ..DiagnosisOptions::default()
             },
-            engine: DiagnosisEngine::default(),
             force: self.request.force,
         };
         let progress = self.progress;

@@ -214,6 +214,21 @@ pub fn camera_report(
     })
 }
 
+/// Hot and silent pixels.
+pub(crate) fn pixel_outliers(events: EventSlice<'_>, size: Size) -> SectionResult<PixelOutliers> {
+    pixel_outliers::outliers(&PixelCounts::new(events, size))
+}
+
+/// Events that follow frames with known starts; `step_us` is the step of the stamps.
+pub(crate) fn frame_bursts(
+    events: EventSlice<'_>,
+    size: Size,
+    frames: &FrameStarts,
+    step_us: f64,
+) -> SectionResult<FrameCoupling> {
+    frame_coupling::coupling(events, size, frames, step_us, 1.0)
+}
+
 /// The coupling to the file's frames, or to a cycle that the events show.
 fn follow_frames(
     events: EventSlice<'_>,
@@ -222,10 +237,7 @@ fn follow_frames(
     step_us: f64,
 ) -> (SectionResult<FrameCoupling>, Option<FrameStarts>) {
     if let Some(frames) = frames.filter(|frames| !frames.starts_us.is_empty()) {
-        return (
-            frame_coupling::coupling(events, size, frames, step_us, 1.0),
-            Some(frames.clone()),
-        );
+        return (frame_bursts(events, size, frames, step_us), Some(frames.clone()));
     }
     let cycles = frame_period::frame_periods(events, size).into_iter();
     let by_strength = cycles.map(|cycle| (frame_coupling::strength(events, size, &cycle), cycle));

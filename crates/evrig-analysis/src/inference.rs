@@ -5,6 +5,7 @@
 //! fresh trials.
 
 mod band;
+mod bursts;
 mod camera;
 mod candidate;
 mod constants;

@@ -7,5 +7,4 @@ mod coherent_step;
 pub mod compare;
 pub mod diagnose;
 pub mod filter;
-pub mod inference;
 pub mod predict;

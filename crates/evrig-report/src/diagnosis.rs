@@ -102,8 +102,6 @@ fn facts(diagnosis: &Diagnosis) -> Vec<Fact> {
         let value = format!("{} %", significant(100.0 * share, 3));
         facts.push(Fact::new("share of the mismatch removed", value));
     }
-    let threshold = nats(diagnosis.null.threshold_nats_per_event, 2);
-    facts.push(Fact::new("smallest gain that is reported", threshold));
     if let Some(left) = &diagnosis.structure {
         let percent = |share: f64| format!("{} %", significant(100.0 * share, 3));
         let mut words = percent(left.baseline.accuracy);

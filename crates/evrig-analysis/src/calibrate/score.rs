@@ -11,7 +11,9 @@
 use super::BrightnessSeries;
 use super::brightness::TileSubset;
 use super::search::Objective;
-use crate::predict::{EventsByPixel, PixelLaw, PixelSignal, TimeBlocks, score_pixel};
+use crate::predict::{
+    ComparatorLaw, EventsByPixel, HazardTerm, SampledSignal, TermVisitor, TimeBlocks, visit,
+};
 use evrig_core::event::EventSlice;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -51,16 +53,24 @@ impl<'a> ScoreObjective<'a> {
     }
 
     /// Log-likelihood and events of one pixel.
-    fn pixel(&self, slot: u32, k: &[f64; 6], law: &PixelLaw) -> (f64, u32) {
+    fn pixel(&self, slot: u32, k: &[f64; 6], law: &ComparatorLaw) -> (f64, u32) {
         let pixel = self.brightness.pixels()[slot as usize];
         let width = u32::from(self.brightness.size().width);
         let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
         let Signal { signal, level, step_us } = self.signal(slot, k);
         let blocks = TimeBlocks::new(self.recording.length_us(), 1);
-        let signal =
-            PixelSignal { start_us: 0.0, step_us, signal: &signal, level: &level, knots: None };
-        let scores = score_pixel(law, signal, self.recording.of(x, y), &blocks);
-        scores.first().map_or((0.0, 0), |score| (score.log_likelihood(), score.n_events))
+        let darkness: Vec<f64> = level.iter().map(|l| law.darkness(f64::from(*l))).collect();
+        let signal = SampledSignal {
+            start_us: 0.0,
+            step_us,
+            signal: &signal,
+            level: &level,
+            darkness: &darkness,
+            bursts: &[],
+        };
+        let mut sum = LogLikelihood::default();
+        visit(law, signal, self.recording.of(x, y), &blocks, &mut sum);
+        (sum.nats, sum.n_events)
     }
 
     /// The signal of the comparators on a regular grid: the integral of the model's drift over k1.
@@ -85,7 +95,7 @@ impl<'a> ScoreObjective<'a> {
                 frame += 1;
             }
             let (rate, mean) = drift(frame);
-            signal.push((reached + rate * (t_us - at(frame))) as f32);
+            signal.push(reached + rate * (t_us - at(frame)));
             level.push((mean / self.white_dn).ln() as f32);
         }
         Signal { signal, level, step_us }
@@ -93,9 +103,26 @@ impl<'a> ScoreObjective<'a> {
 }
 
 struct Signal {
-    signal: Vec<f32>,
+    signal: Vec<f64>,
     level: Vec<f32>,
     step_us: f64,
+}
+
+/// Log-likelihood of a pixel and its scored events.
+#[derive(Default)]
+struct LogLikelihood {
+    nats: f64,
+    n_events: u32,
+}
+
+impl TermVisitor for LogLikelihood {
+    fn silence(&mut self, _block: usize, compensator: f64) {
+        self.nats -= compensator;
+    }
+    fn event(&mut self, term: &HazardTerm) {
+        self.nats += term.log_hazard;
+        self.n_events += 1;
+    }
 }
 
 impl Objective for ScoreObjective<'_> {
@@ -108,13 +135,9 @@ impl Objective for ScoreObjective<'_> {
     }
 
     fn nuisances(&self) -> Vec<f64> {
-        let law = PixelLaw::default();
-        let nuisances = [
-            law.noise_at_white,
-            law.noise_speed_per_s,
-            law.background_on_hz,
-            law.background_off_hz,
-        ];
+        let ComparatorLaw { theta, noise, noise_rate_hz, background_hz: [on, off], .. } =
+            ComparatorLaw::default();
+        let nuisances = [noise / theta[0], noise_rate_hz, on, off];
         nuisances.map(f64::ln).to_vec()
     }
 
@@ -124,17 +147,15 @@ impl Objective for ScoreObjective<'_> {
 
     fn value(&self, k: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64 {
         let value = |i: usize| nuisances.get(i).map_or(f64::NAN, |n| n.exp());
-        let law = PixelLaw {
-            theta_on: 1.0 / k[0],
-            theta_off: 1.0 / k[0],
-            leak_per_s: 0.0,
-            noise_at_white: value(0),
-            noise_speed_per_s: value(1),
-            background_on_hz: value(2),
-            background_off_hz: value(3),
-            ..PixelLaw::default()
+        let theta = 1.0 / k[0];
+        let law = ComparatorLaw {
+            theta: [theta; 2],
+            noise: theta * value(0),
+            noise_rate_hz: value(1),
+            background_hz: [value(2), value(3)],
+            ..ComparatorLaw::default()
         };
-        if !law.is_valid() {
+        if !(theta > 0.0 && theta.is_finite() && law.noise > 0.0) {
             return f64::INFINITY;
         }
         let slots = &self.slots[usize::from(part == TileSubset::HeldOut)];

@@ -1,18 +1,18 @@
 //! The data of a diagnosis: selected pixels with their events, log-intensity signal and context.
 
 pub(crate) mod event_context;
+pub(crate) mod frame_bursts;
 pub(crate) mod pixel_selection;
-pub(crate) mod refractory_peaks;
 pub(crate) mod session_facts;
 pub(crate) mod spectral_lines;
 pub(crate) mod stamp_grid;
 
 use crate::diagnose::evidence::event_context::EventContext;
+use crate::diagnose::evidence::frame_bursts::FrameBursts;
 use crate::diagnose::evidence::pixel_selection::select_pixels;
 use crate::diagnose::{DiagnosisOptions, SessionFacts};
-use crate::predict::{EventsByPixel, SignalKnots, Spike, TimeBlocks};
+use crate::predict::{BurstWindow, EventsByPixel, Spike, TimeBlocks};
 use evrig_core::drive::{Drive, TimeGrid};
-use evrig_core::geometry::Rectangle;
 use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -75,24 +75,19 @@ pub struct PixelEvidence {
     /// Laplacian of intensity over intensity, per square pixel; empty for frames of the same
     /// sensor.
     pub laplacian: Vec<f32>,
-    /// Bends of the signal, computed at first use.
-    bends: OnceLock<SignalKnots>,
+    /// When bursts follow the camera's own frames.
+    pub(crate) bursts: Arc<[BurstWindow]>,
     /// Intensity over white, computed at first use.
     intensity: OnceLock<Vec<f32>>,
 }
 
 impl PixelEvidence {
-    pub(crate) fn bends(&self) -> &SignalKnots {
-        self.bends.get_or_init(|| SignalKnots::of(&self.light, &self.light))
-    }
-
     pub(crate) fn intensity(&self) -> &[f32] {
         self.intensity.get_or_init(|| self.light.iter().map(|level| level.exp()).collect())
     }
 
     /// The signal, to be changed.
     pub(crate) fn light_mut(&mut self) -> &mut [f32] {
-        self.bends = OnceLock::new();
         self.intensity = OnceLock::new();
         &mut self.light
     }
@@ -123,16 +118,14 @@ pub struct Evidence {
     pub blocks: TimeBlocks,
     /// Number of tiles.
     pub n_tiles: usize,
-    /// Tiles per row and column.
-    pub(crate) tiles: [usize; 2],
-    /// Side of a tile, pixels.
-    pub(crate) tile_px: u16,
     /// Center of the sensor, pixels.
     pub middle: [f64; 2],
     /// ON minus OFF events of all pixels, and ON plus OFF, per instant.
     pub rates: [Vec<f32>; 2],
     /// All events of the sensor.
     pub(crate) event_context: Arc<EventContext>,
+    /// Bursts that follow the camera's own frames.
+    pub(crate) bursts: Option<Arc<FrameBursts>>,
     /// What the session states.
     pub facts: SessionFacts,
 }
@@ -193,11 +186,10 @@ impl Evidence {
             step_us: f64::from(grid.step_us),
             blocks: TimeBlocks::new(recording.length_us(), options.n_blocks),
             n_tiles,
-            tiles: [n_across, n_down],
-            tile_px: options.tile_px,
             middle: [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0],
             rates: rates(recording, grid, start_us),
             event_context: Arc::new(EventContext::new(recording.clone(), &facts.aps_us)),
+            bursts: None,
             facts,
         };
         Ok(evidence.subsample_time(MAX_EVENT_EXCESS * options.n_events, options.seed))
@@ -213,33 +205,21 @@ impl Evidence {
         other
     }
 
+    /// With bursts that follow the camera's own frames.
+    pub(crate) fn with_bursts(mut self, bursts: FrameBursts) -> Self {
+        for pixel in &mut self.pixels {
+            pixel.bursts = bursts.of_row(pixel.y);
+        }
+        self.bursts = Some(Arc::new(bursts));
+        self
+    }
+
     /// Every `n`-th pixel.
     #[must_use]
     pub fn thinned(&self, n: usize) -> Self {
         let mut other = self.clone();
         other.pixels = other.pixels.into_iter().step_by(n.max(1)).collect();
         other
-    }
-
-    /// The pixels of some tiles.
-    pub(crate) fn with_tiles(&self, is_taken: impl Fn(usize) -> bool) -> Self {
-        let mut other = self.clone();
-        other.pixels.retain(|pixel| is_taken(pixel.tile));
-        other
-    }
-
-    /// The pixels of a region.
-    pub(crate) fn within_region(&self, region: Rectangle) -> Self {
-        let mut other = self.clone();
-        other.pixels.retain(|pixel| region.contains(pixel.x, pixel.y));
-        other
-    }
-
-    /// Part of the time, in shares of the signal's span; the signal is unknown outside.
-    pub(crate) fn within_time(&self, from: f64, to: f64) -> Self {
-        let n = self.n_instants() as f64;
-        let kept = (from * n) as usize..(to * n) as usize;
-        self.clone().masked_to(|i| kept.contains(&i))
     }
 
     /// Keeps about `n_events` events: in every block one stretch of equal length at a random
@@ -312,12 +292,6 @@ impl Evidence {
         pixel.tile * self.blocks.n() + block
     }
 
-    /// Whether the center of a tile lies in a region.
-    pub(crate) fn tile_is_in(&self, tile: usize, region: Rectangle) -> bool {
-        let middle = |n: usize| (n as u16) * self.tile_px + self.tile_px / 2;
-        region.contains(middle(tile % self.tiles[0]), middle(tile / self.tiles[0]))
-    }
-
     /// Whether a tile is held out during a block: a third of all cells.
     #[must_use]
     pub fn is_held_out(&self, tile: usize, block: usize) -> bool {
@@ -357,7 +331,7 @@ fn pixel(
         light,
         gradient: [Vec::new(), Vec::new()],
         laplacian: Vec::new(),
-        bends: OnceLock::new(),
+        bursts: Arc::default(),
         intensity: OnceLock::new(),
     };
     if with_surroundings {

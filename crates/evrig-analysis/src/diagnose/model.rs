@@ -1,12 +1,8 @@
-//! The generative model of a recording: nuisances, library effects, and what they make of a pixel.
+//! The camera as it is fitted: constants, terms of effects, thresholds of the pixels.
 
-pub(crate) mod hypothesis;
+pub(crate) mod camera_model;
+pub(crate) mod constants;
 pub(crate) mod image_pose;
-pub(crate) mod library;
-pub(crate) mod likelihood_profile;
-pub(crate) mod nuisance;
-pub(crate) mod pixel_mixture;
-pub(crate) mod predicted_pixel;
 pub(crate) mod registration;
-pub(crate) mod sampled_sine;
-pub(crate) mod score_grid;
+pub(crate) mod terms;
+pub(crate) mod view;

@@ -22,8 +22,6 @@ pub struct DiagnosisOptions {
     pub tile_px: u16,
     /// Effects that can be named, at most.
     pub max_effects: usize,
-    /// Recordings simulated from the final model for the null distribution.
-    pub n_null: usize,
     /// Seed of all random draws.
     pub seed: u64,
 }
@@ -39,7 +37,6 @@ impl Default for DiagnosisOptions {
             n_blocks: 9,
             tile_px: 20,
             max_effects: 4,
-            n_null: 1,
             seed: 0,
         }
     }

@@ -1,11 +1,12 @@
-//! What a diagnosis returns: its result types, and the fitted camera.
+//! From a selection of effects to the reported diagnosis.
 
-pub(crate) mod conclusion;
+pub(crate) mod conclude;
 pub(crate) mod departure;
 pub(crate) mod diagnosis_report;
+pub(crate) mod findings;
 pub(crate) mod fitted_camera;
 pub(crate) mod forward_simulation;
 pub(crate) mod heat_map;
-pub(crate) mod model_error;
-pub(crate) mod parameter_intervals;
-pub(crate) mod proposed_term;
+mod model_camera;
+mod untestable;
+mod verdict;

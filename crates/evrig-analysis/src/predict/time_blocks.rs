@@ -1,27 +1,10 @@
-//! Equal blocks of a time window, and the log-likelihood in each.
+//! Equal blocks of a time window.
 
 /// A time window divided into equal blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TimeBlocks {
     length_us: i64,
     n: usize,
-}
-
-/// A pixel's share of the log-likelihood in one block of time.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct BlockScore {
-    /// Log-likelihood of ON events and ON silences, and the same of OFF; time in seconds.
-    pub on_off: [f64; 2],
-    /// Events in the block.
-    pub n_events: u32,
-}
-
-impl BlockScore {
-    /// Log-likelihood of both polarities.
-    #[must_use]
-    pub const fn log_likelihood(&self) -> f64 {
-        self.on_off[0] + self.on_off[1]
-    }
 }
 
 impl TimeBlocks {

@@ -1,6 +1,7 @@
 //! Other events around an event: neighbours, row, own frames.
 
 use crate::predict::{EventsByPixel, Spike};
+use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
 
 /// Longest time that is distinguished from never.
@@ -36,13 +37,17 @@ impl EventContext {
         &self.recording
     }
 
-    /// Times and rows of all events, ascending.
-    pub(crate) fn stamps_in_order(&self) -> Vec<(i64, u16)> {
-        let rows = (0_u16..).zip(&self.rows);
-        let mut all: Vec<_> =
-            rows.flat_map(|(y, times)| times.iter().map(move |t| (*t, y))).collect();
+    /// All events in ascending time, microseconds since the window's start.
+    pub(crate) fn in_order(&self) -> Events {
+        let Size { width, height } = self.recording.size();
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let of_pixel = |(x, y)| {
+            let own = self.recording.of(x, y).iter();
+            own.map(move |spike| (spike.t_us, y, x, spike.on))
+        };
+        let mut all: Vec<(i64, u16, u16, bool)> = places.flat_map(of_pixel).collect();
         all.sort_unstable();
-        all
+        all.into_iter().map(|(t, y, x, on)| Event { t, x, y, on }).collect()
     }
 
     /// Exposure starts of the camera's own frames, microseconds since the window's start.
@@ -135,7 +140,6 @@ impl EventContext {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use evrig_core::event::{Event, Events};
 
     #[test]
     fn neighbours_rows_and_frames_are_found_at_an_instant() {

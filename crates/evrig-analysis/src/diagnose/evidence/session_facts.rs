@@ -42,18 +42,10 @@ impl SessionFacts {
         self.from_scene || self.frame_us <= MAX_DENSE_FRAME_INTERVAL_US
     }
 
-    /// Standard errors of the clock reference, microseconds: in the middle of the signal, and of
-    /// the change from there to either end. Between sparse frames the offset is uniform within its
-    /// bound.
+    /// Standard errors of the clock that the session states, microseconds: in the middle of the
+    /// signal, and of the change from there to either end.
     pub(crate) fn clock_error_us(&self) -> [f64; 2] {
-        match self.clock_tie {
-            Some(tied) => tied.error(),
-            None if self.is_light_dense() => [0.0; 2],
-            None => {
-                let even = self.offset_bound_us / 3.0_f64.sqrt();
-                [even, even * FRAC_1_SQRT_2]
-            }
-        }
+        self.clock_tie.map_or([0.0; 2], |tied| tied.error())
     }
 }
 

@@ -1,6 +1,5 @@
 //! Pose of the event camera's image against the predicted one.
 
-use crate::diagnose::Nuisance;
 use serde::{Deserialize, Serialize};
 
 /// Difference between recorded and predicted image.
@@ -17,15 +16,6 @@ pub struct ImagePose {
 }
 
 impl ImagePose {
-    pub(crate) const NUISANCES: [Nuisance; 4] =
-        [Nuisance::ShiftX, Nuisance::ShiftY, Nuisance::RotationDeg, Nuisance::ScaleChange];
-
-    /// From the nuisances' values.
-    pub(crate) fn of(values: &[f64]) -> Self {
-        let [x, y, rotation_deg, scale_change] = Self::NUISANCES.map(|n| values[n as usize]);
-        Self { shift_px: [x, y], rotation_deg, scale_change }
-    }
-
     /// Point of the predicted image that is source at a point of the sensor, to first order.
     pub(crate) fn source_of(self, place: [f64; 2], middle: [f64; 2]) -> [f64; 2] {
         let [x, y] = [place[0] - middle[0], place[1] - middle[1]];

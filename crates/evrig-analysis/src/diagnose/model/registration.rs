@@ -1,7 +1,6 @@
 //! The signal registered to the event camera: pose, blur and clock as fitted.
 
 use super::image_pose::ImagePose;
-use crate::diagnose::{Evidence, Hypothesis, Nuisance};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::geometry::Size;
 use serde::{Deserialize, Serialize};
@@ -29,22 +28,6 @@ pub struct FittedRegistration {
 }
 
 impl FittedRegistration {
-    /// From a hypothesis.
-    #[must_use]
-    pub fn of(evidence: &Evidence, hypothesis: &Hypothesis) -> Self {
-        let value = |nuisance| hypothesis.nuisance(nuisance);
-        let tied = evidence.facts.clock_tie;
-        let middle = evidence.start_us + 0.5e6 * evidence.seconds();
-        Self {
-            pose: ImagePose::of(&hypothesis.values),
-            center_px: evidence.middle,
-            blur_px2: value(Nuisance::BlurPx2),
-            event_to_light_us: tied.map_or(0.0, |t| t.offset_us[0]) - value(Nuisance::OffsetUs),
-            skew: tied.map_or(0.0, |t| t.skew_ppm[0] * 1e-6),
-            reference_us: evidence.window_us[0] as f64 + middle,
-        }
-    }
-
     fn light_us(&self, t_us: f64) -> f64 {
         t_us + self.event_to_light_us + self.skew * (t_us - self.reference_us)
     }

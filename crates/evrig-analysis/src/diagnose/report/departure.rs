@@ -4,18 +4,15 @@
 //! and the events show none. They are effects all the same. Their gain is measured against the
 //! signal as stated.
 
-use crate::diagnose::fit::cell_scores::CellSet;
-use crate::diagnose::fit::fitted::FittedModel;
-use crate::diagnose::fit::local_refinement::fit_and_refine;
-use crate::diagnose::{ConfidenceInterval, Evidence, FittedEffect, Hypothesis, LIBRARY};
+use crate::diagnose::effect::library_effect;
+use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit, paired_gain};
+use crate::diagnose::{ConfidenceInterval, Evidence, FittedEffect};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
 use evrig_core::stats::Z90;
 use rayon::prelude::*;
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
-
-const MAX_STEPS: usize = 12;
 
 /// A departure of the frames from what the session states.
 #[derive(Debug, Clone)]
@@ -53,41 +50,38 @@ impl Evidence {
     }
 }
 
-/// Departures as effects, and the fit to the signal as stated, if that differs. Scored on the
-/// pixels of `evidence`, which may lack hot pixels.
-pub(crate) fn as_effects<'a>(
+/// The camera fitted to the signal as stated, and the held-out gain of each departure with its
+/// standard error; zero where the signal does not depend on it.
+pub(crate) fn gains(
     evidence: &Evidence,
-    departures: impl Iterator<Item = &'a Departure>,
-    baseline: &FittedModel,
-) -> (Vec<FittedEffect>, Option<FittedModel>) {
-    let departures: Vec<&Departure> = departures.collect();
-    let refitted = |without: &Evidence| {
-        let mut without = without.clone();
+    departures: &[Departure],
+    baseline: &ModelFit,
+) -> (Option<ModelFit>, Vec<(f64, f64)>) {
+    let refitted = |departure: &Departure| {
+        let mut without = departure.without.clone()?;
+        // Hot pixels are left out.
         let is_left = |x, y| evidence.pixels.iter().any(|pixel| (pixel.x, pixel.y) == (x, y));
         without.pixels.retain(|pixel| is_left(pixel.x, pixel.y));
-        refitted(&without, baseline)
+        Some(fit(&without, baseline.model.clone(), N_REFIT_STEPS, FitTolerance::Coarse))
     };
-    let mut lights: Vec<Option<FittedModel>> =
-        departures.iter().map(|departure| departure.without.as_ref().map(refitted)).collect();
-    let effects = (0..departures.len())
-        .map(|i| {
-            let with = lights[i + 1..].iter().flatten().next().unwrap_or(baseline);
-            let gained = lights[i].as_ref().map(|w| with.cells.gain(&w.cells, CellSet::HeldOut));
-            effect_of(departures[i], gained.unwrap_or_default())
-        })
-        .collect();
-    let first = lights.iter_mut().find_map(Option::take);
-    (effects, first)
+    let mut fits: Vec<Option<ModelFit>> = departures.iter().map(refitted).collect();
+    let gain = |i: usize| {
+        let with = fits[i + 1..].iter().flatten().next().unwrap_or(baseline);
+        let gained = fits[i]
+            .as_ref()
+            .map(|without| paired_gain(evidence, &with.evaluation, &without.evaluation));
+        gained.unwrap_or_default()
+    };
+    let gains = (0..fits.len()).map(gain).collect();
+    (fits.iter_mut().find_map(Option::take), gains)
 }
+
+/// Optimizer steps to another signal.
+const N_REFIT_STEPS: usize = 6;
 
 /// Upper tail probability of a standard normal variable.
 pub(crate) fn upper_tail_probability(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
-}
-
-fn refitted(evidence: &Evidence, baseline: &FittedModel) -> FittedModel {
-    let start = Hypothesis::baseline(evidence).at_values_of(&baseline.hypothesis);
-    fit_and_refine(evidence, start, MAX_STEPS)
 }
 
 pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
@@ -95,7 +89,7 @@ pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> Fit
         let ci90 = [Some(value - Z90 * error), Some(value + Z90 * error)];
         (key.to_owned(), ConfidenceInterval { value, ci90 })
     };
-    let equation = LIBRARY.iter().find(|c| c.id == departure.id).map_or("", |c| c.equation);
+    let equation = library_effect(departure.id).map_or("", |effect| effect.equation);
     FittedEffect {
         id: departure.id,
         name: departure.id.name().into(),
@@ -105,7 +99,6 @@ pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> Fit
         heldout_gain_nats_per_event: gain,
         heldout_gain_error: error,
         p_value: upper_tail_probability(departure.z),
-        region: None,
         indistinguishable: Vec::new(),
         competing_hypotheses: Vec::new(),
     }

@@ -99,8 +99,6 @@ pub struct FittedEffect {
     pub heldout_gain_error: f64,
     /// Chance of such a gain without the effect, Bonferroni-corrected for the size of the library.
     pub p_value: f64,
-    /// Part of the sensor to which the effect is limited; `null` for the whole sensor.
-    pub region: Option<serde_json::Value>,
     /// Effects that are not significantly worse in its place, or that events alone cannot separate.
     #[serde(alias = "equivalent")]
     pub indistinguishable: Vec<EffectId>,
@@ -157,22 +155,6 @@ pub struct ResidualMismatch {
     pub strata: Vec<MisfitStratum>,
 }
 
-/// The search applied to recordings simulated from the final model. It is skipped for a model that
-/// leaves nearly all of the mismatch.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct NullReport {
-    /// Number of simulated recordings.
-    pub n: usize,
-    /// Largest held-out gain of any effect, per recording.
-    pub greatest_gains: Vec<f64>,
-    /// Gain that an effect needs to be named.
-    #[serde(alias = "bar_nats_per_event")]
-    pub threshold_nats_per_event: f64,
-    /// Classifier gain between simulated recordings and their own model, per recording.
-    #[serde(default, alias = "structures_nats_per_event")]
-    pub residual_structure_nats_per_event: Vec<f64>,
-}
-
 /// Result of the classifier two-sample test between recorded and simulated next events.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResidualStructure {
@@ -209,22 +191,6 @@ pub struct ResidualStructureReport {
     pub baseline: ResidualStructure,
     /// With all effects that were found, named or not.
     pub r#final: ResidualStructure,
-}
-
-/// The named effects refitted on half of the recording.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SplitHalfFit {
-    /// Which half.
-    #[serde(alias = "of")]
-    pub subset: String,
-    /// Number of its events.
-    pub n_events: usize,
-    /// Gain of the effects together on its held-out cells.
-    pub heldout_gain_nats_per_event: f64,
-    /// Standard error of the gain.
-    pub heldout_gain_error: f64,
-    /// Parameters by `effect.key`.
-    pub parameters: BTreeMap<String, f64>,
 }
 
 /// A term outside the library that would reduce the residual mismatch.
@@ -280,9 +246,6 @@ pub struct Diagnosis {
     /// Effects with a gain that failed a test.
     #[serde(default, alias = "suspects")]
     pub rejected_effects: Vec<RejectedEffect>,
-    /// Fits to halves of the pixels and of the time.
-    #[serde(default, alias = "halves")]
-    pub split_half: Vec<SplitHalfFit>,
     /// Step of the grid on which the recording's time stamps lie, microseconds; `null` without a
     /// grid. Events were spread uniformly over a step, which bounds the temporal resolution.
     #[serde(default)]
@@ -290,8 +253,6 @@ pub struct Diagnosis {
     /// Classifier two-sample test of both models; `null` with too few events.
     #[serde(default)]
     pub structure: Option<ResidualStructureReport>,
-    /// The search applied to recordings without further effects.
-    pub null: NullReport,
     /// Number of pixels analysed.
     pub n_pixels: usize,
     /// Number of their events.
@@ -362,9 +323,7 @@ mod tests {
         assert_eq!(read.effects[0].competing_hypotheses[0].id, EffectId::Vibration);
         assert_eq!(read.fit.heldout_nats_per_event.upper_bound, 0.2);
         assert_eq!(read.fit.forward_simulation["count_ratio"].baseline, Some(2.0));
-        assert_eq!(read.split_half[0].subset, "even tiles");
         assert_eq!(read.rejected_effects[0].because, "x");
-        assert_eq!(read.null.threshold_nats_per_event, 0.02);
         let structure = read.structure.unwrap();
         assert_eq!(structure.baseline.top_features, ["row"]);
         assert_eq!(structure.r#final.nats_without_light_features, Some(0.05));

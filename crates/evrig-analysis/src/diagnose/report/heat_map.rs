@@ -1,10 +1,9 @@
 //! Maps of the misfit: over the sensor, over time and rows, and over the interval and the contrast
 //! rate.
 
-use crate::diagnose::checks::event_strata::{quantiles_of, residuals_by_pixel};
-use crate::diagnose::fit::fitted::FittedModel;
+use crate::diagnose::test::event_strata::quantiles_of;
 use crate::diagnose::{Evidence, PixelEvidence};
-use crate::predict::{BlockCounts, Residual};
+use crate::predict::Residual;
 use serde::{Deserialize, Serialize};
 
 const MAX_CELLS_PER_SIDE: usize = 10;
@@ -46,19 +45,8 @@ pub struct HeatMap {
 /// Residuals of each pixel's events, and its recorded and expected events per time block.
 pub(crate) type ModelResiduals = Vec<(Vec<Residual>, Vec<[f64; 2]>)>;
 
-pub(crate) fn heat_maps(evidence: &Evidence, models: [&FittedModel; 2]) -> Vec<HeatMap> {
-    let of = |counts: BlockCounts| {
-        [f64::from(counts.on + counts.off), counts.expected_on + counts.expected_off]
-    };
-    let summed = models.map(|model| {
-        let pixels = residuals_by_pixel(evidence, model).into_iter();
-        pixels.map(|(events, blocks)| (events, blocks.into_iter().map(of).collect())).collect()
-    });
-    heat_maps_of(evidence, &summed)
-}
-
 /// Maps of the residuals of baseline and final model.
-pub(crate) fn heat_maps_of(evidence: &Evidence, residuals: &[ModelResiduals; 2]) -> Vec<HeatMap> {
+pub(crate) fn heat_maps(evidence: &Evidence, residuals: &[ModelResiduals; 2]) -> Vec<HeatMap> {
     let [width, height] = evidence.middle.map(|middle| 2.0 * middle);
     let cell = width.max(height) / MAX_CELLS_PER_SIDE as f64;
     let sensor = [even(width, (width / cell).ceil()), even(height, (height / cell).ceil())];

@@ -1,7 +1,7 @@
 //! Distances between two samples of events.
 
-use crate::diagnose::checks::boosted_trees::{LabelledEvents, N_FOLDS, classify};
 use crate::diagnose::evidence::event_context::EventContext;
+use crate::diagnose::test::boosted_trees::{LabelledEvents, N_FOLDS, classify};
 use crate::predict::{EventsByPixel, Spike};
 use evrig_core::event::Events;
 use evrig_core::geometry::Size;

@@ -1,0 +1,40 @@
+//! A first-order low pass of the signal.
+
+use crate::diagnose::model::view::ModelledPixel;
+use std::f64::consts::TAU;
+
+/// A first-order low pass, exact for a piecewise linear signal.
+#[derive(Clone, Copy)]
+pub(crate) struct SignalPole {
+    tau: f64,
+    kept: f64,
+}
+
+impl SignalPole {
+    pub(crate) fn new(cutoff_hz: f64, step_s: f64) -> Self {
+        let per_step = TAU * cutoff_hz.max(1e-3) * step_s;
+        Self { tau: per_step.recip(), kept: (-per_step).exp() }
+    }
+}
+
+pub(crate) fn filter(view: &mut ModelledPixel<'_>, pole: impl Fn(f32) -> SignalPole) {
+    let level = &view.pixel.light;
+    let mut state: Option<(f64, f64)> = None;
+    for (signal, level) in view.signal.iter_mut().zip(level) {
+        let x = *signal;
+        if !x.is_finite() {
+            state = None;
+            continue;
+        }
+        let y = match state {
+            None => x,
+            Some((y, before)) => {
+                let SignalPole { tau, kept } = pole(*level);
+                let lag = (x - before) * tau;
+                x - lag + (y - before + lag) * kept
+            }
+        };
+        state = Some((y, x));
+        *signal = y;
+    }
+}
