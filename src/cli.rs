@@ -9,6 +9,7 @@ mod check;
 mod demo;
 mod diagnose;
 mod emulate;
+mod export_camera;
 mod groups;
 mod guard;
 mod import;
@@ -30,6 +31,7 @@ pub use check::CheckArgs;
 pub use demo::{CONCEALABLE, DemoArgs};
 pub use diagnose::{BaselineChoice, DiagnoseArgs};
 pub use emulate::{EmulateArgs, EmulateArmArgs, EmulateCameraArgs, EmulatedDevice};
+pub use export_camera::{ExportCameraArgs, SimulatorChoice};
 pub use groups::command;
 pub use guard::GuardArgs;
 pub use import::{
@@ -119,6 +121,8 @@ pub enum Command {
     /// Find physical effects that the model lacks: located, named, fitted, tested on held-out
     /// events
     Diagnose(DiagnoseArgs),
+    /// Print the diagnosed camera as arguments of another simulator
+    ExportCamera(ExportCameraArgs),
     /// Run concealed trials: sessions with hidden effects, diagnosed blind and scored
     Prove(ProveArgs),
     /// Run every stage a session has the inputs for

@@ -20,6 +20,7 @@ mod demo;
 mod diagnose;
 mod emulate;
 mod export;
+mod export_camera;
 mod filter;
 mod generate;
 mod guard;
@@ -106,6 +107,7 @@ fn run(command: Command, output: &Output) -> anyhow::Result<Ending> {
         Command::Compare(args) => compare::run(&args, output),
         Command::Diagnose(args) => diagnose::run(&args, output),
         Command::Process(args) => process::run(&args, output),
+        Command::ExportCamera(args) => export_camera::run(&args, output),
         Command::Prove(args) => prove::run(&args, output),
         Command::Report(args) => report::run(&args, output),
         Command::Export(args) => export::run(&args, output),

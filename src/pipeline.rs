@@ -22,6 +22,7 @@ mod progress;
 mod report;
 mod scene;
 mod scene_source;
+mod simulator_arguments;
 mod streams;
 mod sweep;
 mod sync;
@@ -51,6 +52,7 @@ pub use progress::PipelineProgress;
 pub use report::{report, report_with};
 pub use scene::{SceneMade, read_scene, scene, scene_streams};
 pub use scene_source::white_of;
+pub use simulator_arguments::{OtherSimulator, SimulatorArguments, simulator_arguments};
 pub use streams::{
     count_frames, default_light, event_streams, frame_streams, pi_streams, simulated_streams,
 };

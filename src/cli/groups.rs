@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Record", &["check", "plan", "record", "live", "stimulus", "pi", "pair"]),
     ("Prepare", &["import", "info", "verify", "sync", "track", "scene", "filter", "process"]),
     ("Generate and compare", &["generate", "calibrate", "compare", "sweep"]),
-    ("Explain", &["diagnose", "camera-report", "report"]),
+    ("Explain", &["diagnose", "camera-report", "export-camera", "report"]),
     ("Share", &["export", "completions", "man"]),
 ];
 

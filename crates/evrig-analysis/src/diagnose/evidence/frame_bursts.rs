@@ -57,15 +57,20 @@ impl FrameBursts {
     /// Share of the pixels that fire after a frame's start, and the line of the largest burst, with
     /// standard errors.
     fn estimates(&self) -> Vec<(&'static str, [f64; 2])> {
-        let of = |estimate: &Estimate| [estimate.value, estimate.standard_error];
         let bursts = self.found.bursts.iter().zip(&self.shares);
         let Some((burst, _)) = bursts.max_by(|a, b| a.1.total_cmp(b.1)) else { return Vec::new() };
         let fraction: f64 = self.shares.iter().sum();
         let relative = burst.share.standard_error / burst.share.value;
+        // Events of a burst wait for each other at the readout, in an order that is not known.
+        let queue_us = burst.width_us.value / 12.0_f64.sqrt();
+        let row_queue_us = queue_us / self.rows.len() as f64;
+        let of = |estimate: &Estimate, queue_us: f64| {
+            [estimate.value, estimate.standard_error.hypot(queue_us)]
+        };
         vec![
             ("events_fraction", [fraction, relative * fraction]),
-            ("delay_us", of(&burst.delay_us)),
-            ("row_us", of(&burst.row_us)),
+            ("delay_us", of(&burst.delay_us, queue_us)),
+            ("row_us", of(&burst.row_us, row_queue_us)),
         ]
     }
 

@@ -3,6 +3,7 @@
 
 use crate::diagnose::Evidence;
 use crate::diagnose::effect::{LIBRARY, ModelTerm, library_effect};
+use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::{CameraConstant, ConstantPrior};
 use evrig_core::effect_id::EffectId;
@@ -109,6 +110,15 @@ impl EffectCandidate {
         let [low, high] = effect.parameters[0].fitted_range();
         let natural = effect.parameters[0].natural(value);
         value <= low || value >= high || natural.abs() <= (effect.ordinary)(evidence)
+    }
+
+    /// Gain in nats per event below which it is not named. The ordinary range of a constant is a
+    /// bound of its own, where no error of the signal between frames pulls it out.
+    pub(crate) fn least_gain(self, evidence: &Evidence) -> f64 {
+        match self {
+            Self::Freed(_) if evidence.facts.is_light_dense() => 0.0,
+            _ => NEGLIGIBLE_NATS_PER_EVENT,
+        }
     }
 
     /// Removes it from a model.

@@ -8,7 +8,7 @@ use crate::diagnose::fit::optimizer::{
 use crate::diagnose::fit::profile::fit_profile;
 use crate::diagnose::fit::score_scan::{ScanGain, ScoreScan};
 use crate::diagnose::fit::spread;
-use crate::diagnose::levels::{NEGLIGIBLE_NATS_PER_EVENT, SIGNIFICANT_STANDARD_ERRORS};
+use crate::diagnose::levels::SIGNIFICANT_STANDARD_ERRORS;
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::CameraConstant;
 use crate::diagnose::test::goodness::GoodnessOfFit;
@@ -66,16 +66,19 @@ struct FittedCandidate {
     gain: f64,
     error: f64,
     fit: ModelFit,
+    /// Least gain that is named.
+    least: f64,
 }
 
 impl FittedCandidate {
     fn is_significant(&self) -> bool {
-        is_significant((self.gain, self.error))
+        is_significant((self.gain, self.error), self.least)
     }
 }
 
-pub(crate) fn is_significant((gain, error): (f64, f64)) -> bool {
-    gain > NEGLIGIBLE_NATS_PER_EVENT && gain > SIGNIFICANT_STANDARD_ERRORS * error
+/// Whether a gain is at least `least`, and not by chance.
+pub(crate) fn is_significant((gain, error): (f64, f64), least: f64) -> bool {
+    gain > least && gain > SIGNIFICANT_STANDARD_ERRORS * error
 }
 
 /// Adds effects while a test doubts the model and their held-out gain is significant; then removes
@@ -126,7 +129,7 @@ fn with_bursts(
     let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation);
     let id = EffectId::ApsCoupling;
     let step = SelectionStep { candidate, id, gain, error, others: Vec::new() };
-    is_significant((gain, error)).then_some((step, fit))
+    is_significant((gain, error), candidate.least_gain(evidence)).then_some((step, fit))
 }
 
 /// The best significant candidate, fitted with all constants.
@@ -304,7 +307,8 @@ fn best_candidates(
         let fit = fit_profile(evidence, &scan, start, &own, N_PROFILE_STEPS);
         let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation);
         let id = candidate.id(evidence, &fit.model);
-        let fitted = FittedCandidate { candidate, id, gain, error, fit };
+        let least = candidate.least_gain(evidence);
+        let fitted = FittedCandidate { candidate, id, gain, error, fit, least };
         (!candidate.is_refused(evidence, &fitted.fit.model)).then_some(fitted)
     };
     let mut tried: Vec<FittedCandidate> = found.into_iter().filter_map(refined).collect();
@@ -328,7 +332,7 @@ fn without_replaced(
         steps[index].candidate.remove(evidence, &mut model);
         let (without, _) = with_spread(evidence, coarse.refit(evidence, &model));
         let gain = paired_gain(evidence, &now.evaluation, &without.evaluation);
-        if is_significant(gain) {
+        if is_significant(gain, steps[index].candidate.least_gain(evidence)) {
             (steps[index].gain, steps[index].error) = gain;
             index += 1;
         } else {

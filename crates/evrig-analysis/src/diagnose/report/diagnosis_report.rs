@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Schema of `diagnosis.json`.
-pub(crate) const DIAGNOSIS_SCHEMA: &str = "evrig.diagnosis/2";
+pub(crate) const DIAGNOSIS_SCHEMA: &str = "evrig.diagnosis/3";
 
 /// Conclusion of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -218,7 +218,7 @@ pub struct UntestableEffect {
 /// `diagnosis.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// `evrig.diagnosis/2`.
+    /// `evrig.diagnosis/3`.
     pub schema: String,
     /// The conclusion.
     pub verdict: DiagnosisVerdict,

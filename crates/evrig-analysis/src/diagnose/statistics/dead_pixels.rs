@@ -19,7 +19,8 @@ pub(super) fn pixels(evidence: &Evidence, events: EventSlice<'_>) -> Option<Depa
     let z = (fraction - MAX_ORDINARY_FRACTION) / error;
     (z > SIGNIFICANT_STANDARD_ERRORS).then(|| Departure {
         id: EffectId::DeadPixels,
-        parameters: vec![("fraction", [fraction, error])],
+        // Those that cannot be judged are as often dead.
+        parameters: vec![("count", [fraction, error].map(|v| v * size.n_pixels() as f64))],
         description: format!(
             "{n:.0} pixels have no event although their neighbours have many, {:.2} % of those \
              that can be judged",
