@@ -8,6 +8,7 @@ use crate::cli::{Cli, Command};
 use crate::pipeline::PipelineError;
 use clap::{CommandFactory, Parser};
 use evrig_session::StreamName;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 mod about;
@@ -42,7 +43,7 @@ mod table;
 mod track;
 mod verify;
 
-pub use output::{Output, WrongUse};
+pub use output::{Output, WrongUse, error_text};
 
 /// How a command ended; the program's exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,7 +66,19 @@ pub enum Ending {
 /// Reads the command line, runs the command, reports its end.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    ExitCode::from(run_arguments(std::env::args_os()))
+}
+
+/// Runs the command of a command line, whose first word is the program, and gives its exit code.
+pub fn run_arguments(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // A closed pipe is the reader's choice.
+            let _ = error.print();
+            return error.exit_code() as u8;
+        }
+    };
     let output = Output::new(cli.global);
     let ending = match run(cli.command, &output) {
         Ok(ending) => ending,
@@ -74,7 +87,7 @@ pub fn main() -> ExitCode {
             if is_wrong_use(&error) { Ending::WrongUse } else { Ending::Failed }
         }
     };
-    ExitCode::from(ending as u8)
+    ending as u8
 }
 
 fn is_wrong_use(error: &anyhow::Error) -> bool {

@@ -125,7 +125,7 @@ fn prove(args: &ProveArgs, run: &PlannedProof, output: &Output) -> anyhow::Resul
     ];
     let program = match &args.with {
         Some(program) => program.clone(),
-        None => std::env::current_exe().context("cannot find this program's own file")?,
+        None => crate::program::program().context("cannot find this program's own file")?,
     };
     let ask = DiagnosisProcess {
         program,
