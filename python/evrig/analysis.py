@@ -238,7 +238,10 @@ def compare(
             )
         mask = np.ascontiguousarray(mask).reshape(-1)
     window = None
-    if window_us is not None:
+    if window_us is None:
+        ours.check("real")
+        theirs.check("simulated")
+    else:
         start, end = _arguments.times("window_us", window_us, 2)
         window = [int(start), int(end)]
     arguments = {

@@ -80,13 +80,14 @@ class Events:
         if isinstance(events, np.ndarray):
             names = events.dtype.names or ()
             if not names and events.ndim == 2 and events.shape[1] == 4:
-                return cls(*(events[:, i] for i in range(4)), size=size)
+                return cls(events[:, 0], events[:, 1], events[:, 2], events[:, 3], size)
         elif hasattr(events, "columns"):
             names = tuple(str(column) for column in events.columns)
         third = next((name for name in ("p", "on", "polarity") if name in names), None)
         if third is not None and {"t", "x", "y"} <= set(names):
-            columns = (np.asarray(events[key]) for key in ("t", "x", "y", third))  # type: ignore[index]
-            return cls(*columns, size=size)
+            table: Any = events
+            t, x, y, p = (np.asarray(table[key]) for key in ("t", "x", "y", third))
+            return cls(t, x, y, p, size)
         raise ArgumentError(
             f"{name}: expected Events, a table or structured array with t, x, y and p, or integers "
             f"of shape (n, 4), got {_arguments.describe(events)}"
@@ -99,8 +100,7 @@ class Events:
         """The events of a slice (without copies), a mask or an array of indices."""
         if isinstance(which, (int, np.integer)):
             raise ArgumentError(f"events: expected a slice, a mask or indices, got {which}")
-        columns = (column[which] for column in self.columns)
-        return Events(*columns, size=self.size)
+        return Events(self.t[which], self.x[which], self.y[which], self.p[which], self.size)
 
     @property
     def columns(self) -> Columns:
@@ -119,8 +119,8 @@ class Events:
 
     def sorted(self) -> Events:
         """The events in ascending time; those of one microsecond keep their order."""
-        columns = _evrig.sorted_events(self.columns)
-        return replace(self, **dict(zip("txyp", columns)))
+        t, x, y, p = _evrig.sorted_events(self.columns)
+        return replace(self, t=t, x=x, y=y, p=p)
 
     def check(self, name: str = "events") -> Events:
         """These events, if they are in ascending time and on the sensor.
@@ -138,9 +138,9 @@ class Events:
             ArgumentError: The size of the sensor is not known.
         """
         width, height = self.sensor()
-        self_index = self.y.astype(np.int64) * width + self.x
+        pixel = self.y.astype(np.int64) * width + self.x
         counts = [
-            np.bincount(self_index[mask], minlength=width * height)[: width * height]
+            np.bincount(pixel[mask], minlength=width * height)[: width * height]
             for mask in (self.p, ~self.p)
         ]
         image = counts[0] - counts[1] if signed else counts[0] + counts[1]

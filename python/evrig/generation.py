@@ -213,8 +213,8 @@ def generate(
         raise ArgumentError(f"frames: expected at least two, got {len(parts)}")
     size = parts[0].size
     parts.append(generator.finish())
-    columns = (np.concatenate(column) for column in zip(*(part.columns for part in parts)))
-    return Events(*columns, size=size)
+    t, x, y, p = (np.concatenate(column) for column in zip(*(part.columns for part in parts)))
+    return Events(t, x, y, p, size)
 
 
 def simulate_effects(
