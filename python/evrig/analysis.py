@@ -343,6 +343,7 @@ def diagnose(
     events: Optional[object] = None,
     frames: Optional[NDArray[Any]] = None,
     t_us: Union[None, NDArray[np.int64], Sequence[int]] = None,
+    baseline: Optional[str] = None,
     pixels: Optional[int] = None,
     seed: int = 0,
     progress: Progress = None,
@@ -354,6 +355,8 @@ def diagnose(
         events: recorded events,
         frames: frames on the same pixel grid, uint8 or uint16, shape (n, height, width),
         t_us: and the time of each, µs, on the events' clock.
+        baseline: The signal between frames: ``motion`` (motion-compensated interpolation), ``frames``
+            (linear), or ``scene``; by default the scene where there is one, else motion.
         pixels: Pixels to evaluate; 120 by default.
         progress: None: a bar in a terminal or in Jupyter; True, False; or a function.
 
@@ -363,4 +366,4 @@ def diagnose(
     See docs/explanation/diagnosis.md for the method.
     """
     with _session_of(session, events, frames, t_us) as own:
-        return own.diagnose(pixels=pixels, seed=seed, progress=progress)
+        return own.diagnose(baseline=baseline, pixels=pixels, seed=seed, progress=progress)
