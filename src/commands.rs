@@ -8,6 +8,7 @@ use crate::cli::{self, Cli, Command};
 use crate::pipeline::PipelineError;
 use clap::{CommandFactory, FromArgMatches};
 use evrig_session::StreamName;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 mod about;
@@ -43,7 +44,7 @@ mod table;
 mod track;
 mod verify;
 
-pub use output::{Output, WrongUse};
+pub use output::{Output, WrongUse, error_text};
 
 /// How a command ended; the program's exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,8 +67,22 @@ pub enum Ending {
 /// Reads the command line, runs the command, reports its end.
 #[must_use]
 pub fn main() -> ExitCode {
-    let matches = cli::command().get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    ExitCode::from(run_arguments(std::env::args_os()))
+}
+
+/// Runs the command of a command line, whose first word is the program, and gives its exit code.
+pub fn run_arguments(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let parsed = cli::command()
+        .try_get_matches_from(arguments)
+        .and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
+        Ok(cli) => cli,
+        Err(error) => {
+            // A closed pipe is the reader's choice.
+            let _ = error.print();
+            return error.exit_code() as u8;
+        }
+    };
     let output = Output::new(cli.global);
     let ending = match run(cli.command, &output) {
         Ok(ending) => ending,
@@ -76,7 +91,7 @@ pub fn main() -> ExitCode {
             if is_wrong_use(&error) { Ending::WrongUse } else { Ending::Failed }
         }
     };
-    ExitCode::from(ending as u8)
+    ending as u8
 }
 
 fn is_wrong_use(error: &anyhow::Error) -> bool {

@@ -34,7 +34,7 @@
 //! 6. Every count in a report is recomputed from files, not taken from what a device reported.
 //! 7. Randomness is always a seeded generator passed in; the seed is in the manifest.
 
-pub use evrig_analysis::{calibrate, compare, diagnose, filter, predict};
+pub use evrig_analysis::{calibrate, camera_report, compare, diagnose, filter, predict};
 pub use evrig_core::{
     delivery, drive, effect_id, event, frame, geometry, imu, pi_camera, raw10, stats, time, units,
 };
@@ -56,4 +56,5 @@ pub mod drivers;
 pub mod export;
 pub mod live;
 pub mod pipeline;
+pub mod program;
 pub mod prove;

@@ -21,7 +21,7 @@ struct Source {
 }
 
 fn crates() -> Vec<PathBuf> {
-    let mut all = vec![PathBuf::from("src")];
+    let mut all = vec![PathBuf::from("src"), PathBuf::from("python/src")];
     all.extend(
         fs::read_dir("crates").expect("crates").map(|entry| entry.unwrap().path().join("src")),
     );

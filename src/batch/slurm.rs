@@ -69,7 +69,7 @@ impl Slurm {
     /// When the dataset or the program cannot be found.
     pub fn new(root: &Path) -> Result<Self, BatchError> {
         let root = root.canonicalize().map_err(BatchError::io(root))?;
-        let program = std::env::current_exe().map_err(BatchError::io(Path::new("evrig")))?;
+        let program = crate::program::program().map_err(BatchError::io(Path::new("evrig")))?;
         Ok(Self { root, program })
     }
 

@@ -4,7 +4,7 @@ use super::{Ending, Output, WrongUse};
 use crate::cli::CameraReportArgs;
 use crate::pipeline::default_light;
 use anyhow::Context;
-use evrig_analysis::camera_report::{CameraReport, FrameReference, FrameStarts, camera_report};
+use evrig_analysis::camera_report::{CameraReport, FrameStarts, camera_report};
 use evrig_core::event::Events;
 use evrig_core::frame::FrameTiming;
 use evrig_core::geometry::Size;
@@ -28,7 +28,7 @@ struct ReportInput {
 pub(super) fn run(args: &CameraReportArgs, output: &Output) -> anyhow::Result<Ending> {
     let is_session = args.path.join("session.json").exists();
     let input = if is_session { of_session(args)? } else { of_file(args)? };
-    let frames = frame_starts(&input.frames);
+    let frames = FrameStarts::of_frames(&input.frames);
     let report = camera_report(input.events.as_slice(), input.size, frames.as_ref())
         .with_context(|| args.path.display().to_string())?;
     let value = value(&input, &report)?;
@@ -84,20 +84,6 @@ fn of_file(args: &CameraReportArgs) -> anyhow::Result<ReportInput> {
         notes,
         has_losses: !found.losses.is_empty(),
     })
-}
-
-/// Starts of the exposures where all frames state them, else the frames' stamps.
-fn frame_starts(frames: &[FrameTiming<Davis>]) -> Option<FrameStarts> {
-    let exposures: Option<Vec<i64>> =
-        frames.iter().map(|frame| Some(frame.exposure?[0].as_micros())).collect();
-    let starts = match exposures {
-        Some(starts) => FrameStarts::new(starts, FrameReference::ExposureStart),
-        None => {
-            let stamps = frames.iter().map(|frame| frame.stamp.as_micros());
-            FrameStarts::new(stamps.collect(), FrameReference::FrameStamp)
-        }
-    };
-    (!starts.starts_us.is_empty()).then_some(starts)
 }
 
 fn value(input: &ReportInput, report: &CameraReport) -> anyhow::Result<Value> {

@@ -18,6 +18,21 @@ pub struct Output {
 #[error("{0}")]
 pub struct WrongUse(pub String);
 
+/// An error with its causes in a line, each stated once.
+#[must_use]
+pub fn error_text(error: &(dyn std::error::Error + 'static)) -> String {
+    let mut text = error.to_string();
+    let mut printed = text.clone();
+    for cause in std::iter::successors(error.source(), |cause| cause.source()) {
+        let cause = cause.to_string();
+        if !printed.contains(&cause) {
+            text += &format!(": {cause}");
+            printed = cause;
+        }
+    }
+    text
+}
+
 // A closed pipe (`evrig info | head`) is the reader's choice, so a failed write is not an error.
 impl Output {
     pub(super) fn new(global: GlobalArgs) -> Self {
@@ -59,16 +74,7 @@ impl Output {
 
     /// The one error that ends a command, with its causes.
     pub fn error(&self, error: &anyhow::Error) {
-        let mut stderr = std::io::stderr().lock();
-        let _ = write!(stderr, "error: {error}");
-        let mut printed = error.to_string();
-        for cause in error.chain().skip(1).map(ToString::to_string) {
-            if !printed.contains(&cause) {
-                let _ = write!(stderr, ": {cause}");
-                printed = cause;
-            }
-        }
-        let _ = writeln!(stderr);
+        let _ = writeln!(std::io::stderr(), "error: {}", error_text(error.as_ref()));
     }
 
     /// A progress bar over `total` steps; shown on a terminal only, and only after a moment.

@@ -120,7 +120,7 @@ fn prove(args: &ProveArgs, run: &PlannedProof, output: &Output) -> anyhow::Resul
     let numbers = [("--pixels", options.n_pixels as u64), ("--seed", options.seed)];
     let program = match &args.with {
         Some(program) => program.clone(),
-        None => std::env::current_exe().context("cannot find this program's own file")?,
+        None => crate::program::program().context("cannot find this program's own file")?,
     };
     let ask = DiagnosisProcess {
         program,

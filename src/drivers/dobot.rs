@@ -1,6 +1,7 @@
 //! The driver of the Dobot Magician, for each value of `arm.port`.
 
 use super::driver::{ArmDriver, DriverError, OpenArm};
+use crate::program::program;
 use evrig_core::time::Span;
 use evrig_device::dobot::find::{find_port, open_and_check};
 use evrig_device::dobot::{ArmClient, ArmError, ArmTimeouts, Magician, guard, port};
@@ -37,7 +38,7 @@ impl ArmDriver for MagicianDriver {
         simulated_port: Option<&Path>,
         path: Option<&trajectory::ToolPath>,
     ) -> Vec<Finding> {
-        match std::env::current_exe() {
+        match program() {
             Ok(program) => open_and_check(&program, description, simulated_port, path),
             Err(error) => vec![Finding::bad("port", DriverError::from(error).to_string())],
         }
@@ -61,7 +62,7 @@ fn open(
         let link = port::open(&port).map_err(ArmError::from)?;
         return Ok(Magician::over(ArmClient::new(Box::new(link), timeouts), own));
     }
-    Ok(Magician::guarded(&std::env::current_exe()?, &port, own, timeouts)?)
+    Ok(Magician::guarded(&program()?, &port, own, timeouts)?)
 }
 
 /// Owns the arm's serial port for an evrig at the other end of this process's standard input and

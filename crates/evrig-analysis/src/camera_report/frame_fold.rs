@@ -1,7 +1,9 @@
 //! The phase of each event in the cycle of the camera's own frames.
 
 use super::SectionResult;
+use evrig_core::frame::FrameTiming;
 use evrig_core::stats::upper_median;
+use evrig_core::time::Davis;
 use serde::Serialize;
 
 /// Events are left out that come later than this many periods after the last frame's start: a
@@ -36,6 +38,22 @@ impl FrameStarts {
         starts_us.sort_unstable();
         starts_us.dedup();
         Self { starts_us, reference }
+    }
+
+    /// Starts of the exposures where all frames state them, else the frames' stamps; `None` without
+    /// frames.
+    #[must_use]
+    pub fn of_frames(frames: &[FrameTiming<Davis>]) -> Option<Self> {
+        let exposures: Option<Vec<i64>> =
+            frames.iter().map(|frame| Some(frame.exposure?[0].as_micros())).collect();
+        let starts = match exposures {
+            Some(starts) => Self::new(starts, FrameReference::ExposureStart),
+            None => {
+                let stamps = frames.iter().map(|frame| frame.stamp.as_micros());
+                Self::new(stamps.collect(), FrameReference::FrameStamp)
+            }
+        };
+        (!starts.starts_us.is_empty()).then_some(starts)
     }
 
     /// The frames whose cycle overlaps the events' time.
