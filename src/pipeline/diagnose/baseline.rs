@@ -151,10 +151,11 @@ fn of_frames(session: &Session, light: &str) -> Result<(FramesDrive, SessionFact
         return Err(missing(session, what));
     }
     let times = drive.times_us();
+    let own = aps_starts(session)?;
     let facts = SessionFacts {
         from_scene: false,
         is_motion_compensated: false,
-        aps_us: times.to_vec(),
+        aps_us: if own.is_empty() { times.to_vec() } else { own },
         frame_us: (times[times.len() - 1] - times[0]) as f64 / (times.len() - 1).max(1) as f64,
         white_dn: drive.white_dn(),
         light_per_pedestal: 1.0,

@@ -3,7 +3,7 @@
 
 use crate::diagnose::Evidence;
 use crate::diagnose::effect::{LIBRARY, ModelTerm, library_effect};
-use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
+use crate::diagnose::levels::{SIGNIFICANT_STANDARD_ERRORS, is_significant};
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::{CameraConstant, ConstantPrior};
 use evrig_core::effect_id::EffectId;
@@ -112,12 +112,17 @@ impl EffectCandidate {
         value <= low || value >= high || natural.abs() <= (effect.ordinary)(evidence)
     }
 
-    /// Gain in nats per event below which it is not named. The ordinary range of a constant is a
-    /// bound of its own, where no error of the signal between frames pulls it out.
-    pub(crate) fn least_gain(self, evidence: &Evidence) -> f64 {
+    /// Whether a held-out gain with its standard error suffices for a name.
+    pub(crate) fn is_significant(self, evidence: &Evidence, gain: (f64, f64)) -> bool {
         match self {
-            Self::Freed(_) if evidence.facts.is_light_dense() => 0.0,
-            _ => NEGLIGIBLE_NATS_PER_EVENT,
+            // Statistics of all events have established it.
+            Self::Structural(term) if term.id == EffectId::ApsCoupling => gain.0 > 0.0,
+            // The ordinary range bounds its size, where no error of the signal between frames pulls
+            // it out.
+            Self::Freed(_) if evidence.facts.is_light_dense() => {
+                gain.0 > SIGNIFICANT_STANDARD_ERRORS * gain.1
+            }
+            _ => is_significant(gain),
         }
     }
 

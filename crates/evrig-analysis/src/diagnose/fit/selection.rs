@@ -8,7 +8,6 @@ use crate::diagnose::fit::optimizer::{
 use crate::diagnose::fit::profile::fit_profile;
 use crate::diagnose::fit::score_scan::{ScanGain, ScoreScan};
 use crate::diagnose::fit::spread;
-use crate::diagnose::levels::SIGNIFICANT_STANDARD_ERRORS;
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::CameraConstant;
 use crate::diagnose::test::goodness::GoodnessOfFit;
@@ -66,19 +65,7 @@ struct FittedCandidate {
     gain: f64,
     error: f64,
     fit: ModelFit,
-    /// Least gain that is named.
-    least: f64,
-}
-
-impl FittedCandidate {
-    fn is_significant(&self) -> bool {
-        is_significant((self.gain, self.error), self.least)
-    }
-}
-
-/// Whether a gain is at least `least`, and not by chance.
-pub(crate) fn is_significant((gain, error): (f64, f64), least: f64) -> bool {
-    gain > least && gain > SIGNIFICANT_STANDARD_ERRORS * error
+    is_significant: bool,
 }
 
 /// Adds effects while a test doubts the model and their held-out gain is significant; then removes
@@ -115,8 +102,7 @@ pub(crate) fn select(
     EffectSelection { calibrated, fit, steps, spread_ci }
 }
 
-/// The bursts that follow the camera's own frames, where they account for held-out events: the
-/// sensor-wide statistics have established them already.
+/// The bursts that follow the camera's own frames, where they account for held-out events.
 fn with_bursts(
     evidence: &Evidence,
     coarse: &CoarsePixels,
@@ -129,7 +115,7 @@ fn with_bursts(
     let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation);
     let id = EffectId::ApsCoupling;
     let step = SelectionStep { candidate, id, gain, error, others: Vec::new() };
-    is_significant((gain, error), candidate.least_gain(evidence)).then_some((step, fit))
+    candidate.is_significant(evidence, (gain, error)).then_some((step, fit))
 }
 
 /// The best significant candidate, fitted with all constants.
@@ -138,7 +124,7 @@ fn accepted(
     coarse: &CoarsePixels,
     mut tried: Vec<FittedCandidate>,
 ) -> Option<(SelectionStep, ModelFit)> {
-    while tried.first().is_some_and(FittedCandidate::is_significant) {
+    while tried.first().is_some_and(|best| best.is_significant) {
         let (best, fitted) = best_of_rivals(coarse, &tried);
         let FittedCandidate { candidate, id, gain, error, .. } = tried.remove(best);
         let fit = refined(evidence, fitted);
@@ -158,7 +144,7 @@ const RIVAL_SHARE: f64 = 0.75;
 /// of the pixels.
 fn best_of_rivals(coarse: &CoarsePixels, tried: &[FittedCandidate]) -> (usize, ModelFit) {
     let is_rival = |(_, c): &(usize, &FittedCandidate)| {
-        c.is_significant() && c.gain >= RIVAL_SHARE * tried[0].gain
+        c.is_significant && c.gain >= RIVAL_SHARE * tried[0].gain
     };
     let rivals = tried.iter().enumerate().filter(is_rival);
     let fitted = rivals.map(|(index, c)| (index, coarse.fit(&c.fit.model)));
@@ -307,8 +293,8 @@ fn best_candidates(
         let fit = fit_profile(evidence, &scan, start, &own, N_PROFILE_STEPS);
         let (gain, error) = paired_gain(evidence, &fit.evaluation, &now.evaluation);
         let id = candidate.id(evidence, &fit.model);
-        let least = candidate.least_gain(evidence);
-        let fitted = FittedCandidate { candidate, id, gain, error, fit, least };
+        let is_significant = candidate.is_significant(evidence, (gain, error));
+        let fitted = FittedCandidate { candidate, id, gain, error, fit, is_significant };
         (!candidate.is_refused(evidence, &fitted.fit.model)).then_some(fitted)
     };
     let mut tried: Vec<FittedCandidate> = found.into_iter().filter_map(refined).collect();
@@ -332,7 +318,7 @@ fn without_replaced(
         steps[index].candidate.remove(evidence, &mut model);
         let (without, _) = with_spread(evidence, coarse.refit(evidence, &model));
         let gain = paired_gain(evidence, &now.evaluation, &without.evaluation);
-        if is_significant(gain, steps[index].candidate.least_gain(evidence)) {
+        if steps[index].candidate.is_significant(evidence, gain) {
             (steps[index].gain, steps[index].error) = gain;
             index += 1;
         } else {

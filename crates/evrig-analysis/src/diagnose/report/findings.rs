@@ -4,8 +4,8 @@ use crate::diagnose::effect::{ModelTerm, library_effect};
 use crate::diagnose::fit::candidate::EffectCandidate;
 use crate::diagnose::fit::intervals::standard_errors;
 use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit, paired_gain};
-use crate::diagnose::fit::selection::{EffectSelection, is_significant};
-use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
+use crate::diagnose::fit::selection::EffectSelection;
+use crate::diagnose::levels::is_significant;
 use crate::diagnose::model::constants::CameraConstant;
 use crate::diagnose::report::departure::upper_tail_probability;
 use crate::diagnose::{CompetingHypothesis, ConfidenceInterval, Evidence, FittedEffect, LIBRARY};
@@ -28,7 +28,7 @@ impl Findings {
         if found.spread_ci[1] > MAX_ORDINARY_SPREAD {
             let without = with_ordinary_spread(evidence, &found.fit);
             let gain = paired_gain(evidence, &found.fit.evaluation, &without.evaluation);
-            if is_significant(gain, NEGLIGIBLE_NATS_PER_EVENT) {
+            if is_significant(gain) {
                 let id = EffectId::ThresholdMismatch;
                 effects.push(constant_effect(evidence, found, &errors, id, gain));
                 baseline = with_ordinary_spread(evidence, &baseline);
