@@ -35,7 +35,8 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::RefractoryPeriod,
     parameters: &[
         log("refractory_us", [50.0, 200_000.0]),
-        log("onset_us", [20.0, 50_000.0]),
+        // Its end is resolved to a hundredth; a wider one than a third is no period.
+        log("onset_share", [0.01, 0.3]),
         fixed("retake"),
     ],
     changes_signal: false,
@@ -50,21 +51,24 @@ pub(super) static TERM: ModelTerm = ModelTerm {
         let beyond = [0.002, 0.01, 0.03, 0.1].map(quantile);
         let start = |us: &f64| {
             let us = us.clamp(100.0, 100_000.0);
-            vec![us, 0.15 * us, 1.0]
+            vec![us, 0.15, 1.0]
         };
         below.iter().chain(&beyond).map(start).collect()
     },
     stage: 3,
     apply: |v, view| {
         view.law.refractory_s = v[0] * 1e-6;
-        // The end is resolved to a hundredth; a wider one than a third is no period.
-        let [least, most] = [0.01, 0.3].map(|share| share * view.law.refractory_s);
-        view.law.onset_s = (v[1] * 1e-6).clamp(least, most);
+        view.law.onset_s = v[1] * view.law.refractory_s;
         view.law.retake = v[2];
     },
     report: |_, all| {
         let pixel = ConfidenceInterval { value: 0.0, ci90: [Some(0.0); 2] };
-        vec![all[0], ("compares_on", pixel), all[1]]
+        let [period, share] = [all[0].1, all[1].1];
+        let onset = ConfidenceInterval {
+            value: period.value * share.value,
+            ci90: share.ci90.map(|end| end.map(|end| period.value * end)),
+        };
+        vec![all[0], ("compares_on", pixel), ("onset_us", onset)]
     },
 };
 

@@ -1,6 +1,7 @@
 //! Bursts of events that follow the camera's own frames, as a hazard of every row.
 
 use crate::camera_report::{CouplingBurst, FrameCoupling, PolarityName, ProfileBin};
+use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
 use crate::diagnose::{ConfidenceInterval, Departure};
 use crate::predict::BurstWindow;
 use evrig_core::effect_id::EffectId;
@@ -26,8 +27,11 @@ struct BurstPart {
 }
 
 impl FrameBursts {
-    /// From frames that start at `starts_us` since the window's start; `None` without a burst.
-    pub(crate) fn new(found: FrameCoupling, starts_us: &[i64], size: Size) -> Option<Self> {
+    /// From frames that start at `starts_us` since the window's start; `None` without a burst that
+    /// can change the log-likelihood by more than is neglected.
+    pub(crate) fn new(mut found: FrameCoupling, starts_us: &[i64], size: Size) -> Option<Self> {
+        let n_events = found.n_events.iter().sum::<u64>() as f64;
+        found.bursts.retain(|burst| excess_nats(burst) > NEGLIGIBLE_NATS_PER_EVENT * n_events);
         if found.bursts.is_empty() {
             return None;
         }
@@ -100,8 +104,8 @@ impl FrameBursts {
     }
 }
 
-/// The excess of a burst's polarity over the rate before it, in the bins of its profile.
-fn parts(burst: &CouplingBurst, chances: f64) -> Vec<BurstPart> {
+/// Events of a burst's polarity in the bins of its profile that hold it, and in a bin before it.
+fn counts(burst: &CouplingBurst) -> (Vec<(ProfileBin, f64)>, f64) {
     let [low, high] = burst.window_us;
     let count = |bin: &ProfileBin| match burst.polarity {
         PolarityName::On => bin.n_on as f64,
@@ -110,11 +114,26 @@ fn parts(burst: &CouplingBurst, chances: f64) -> Vec<BurstPart> {
     let before: Vec<f64> = burst.profile.iter().filter(|bin| bin.to_us <= low).map(count).collect();
     let background = before.iter().sum::<f64>() / before.len().max(1) as f64;
     let inside = burst.profile.iter().filter(|bin| bin.to_us > low && bin.from_us < high);
+    (inside.map(|bin| (*bin, count(bin))).collect(), background)
+}
+
+/// Log-likelihood of a burst's events over that under the rate before it.
+fn excess_nats(burst: &CouplingBurst) -> f64 {
+    let (inside, background) = counts(burst);
+    // Half an event stands for none.
+    let b = background.max(0.5);
+    inside.iter().filter(|(_, n)| *n > b).map(|(_, n)| n * (n / b).ln() - (n - b)).sum()
+}
+
+/// The excess of a burst's polarity over the rate before it, in the bins of its profile.
+fn parts(burst: &CouplingBurst, chances: f64) -> Vec<BurstPart> {
+    let (inside, background) = counts(burst);
     inside
-        .map(|bin| BurstPart {
+        .into_iter()
+        .map(|(bin, n)| BurstPart {
             from_us: bin.from_us,
             to_us: bin.to_us,
-            n: (count(bin) - background).max(0.0) / chances,
+            n: (n - background).max(0.0) / chances,
         })
         .filter(|part| part.n > 0.0)
         .collect()

@@ -266,11 +266,13 @@ pub(crate) fn fit_coordinates(
     for _ in 0..max_steps {
         let LikelihoodSlope { gradient, information } =
             slope(evidence, &model, &coordinates, &active);
-        // Coordinates that a bound holds do not move, and the others do not count on them.
+        // Coordinates that a bound holds, or on which no event depends, do not move, and the others
+        // do not count on them.
         let is_held = |j: usize| {
             let [low, high] = coordinates[active[j]].range;
             let value = model.values[active[j]];
-            value <= low && gradient[j] < 0.0 || value >= high && gradient[j] > 0.0
+            let is_pushed = value <= low && gradient[j] < 0.0 || value >= high && gradient[j] > 0.0;
+            is_pushed || information[(j, j)] <= 0.0
         };
         let free: Vec<usize> = (0..active.len()).filter(|j| !is_held(*j)).collect();
         covariance = inverse_of(&information, &free);

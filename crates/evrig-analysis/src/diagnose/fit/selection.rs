@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 
 /// Effects fitted per round with a wide noise, best by the score scan first, and with the fitted one
 /// (work budget).
-const N_CANDIDATES: [usize; 2] = [5, 3];
+const N_CANDIDATES: [usize; 2] = [8, 4];
 
 /// Optimizer steps with a part of the pixels, and with all.
 const N_STEPS: [usize; 2] = [10, 4];
