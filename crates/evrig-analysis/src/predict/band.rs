@@ -2,9 +2,9 @@
 
 use super::law::{ComparatorLaw, LOGISTIC_SD};
 
-/// Logistic scales below the threshold from which a hazard is neglected: 6e-6 events per
-/// crossing.
-pub(super) const REACH: f64 = 12.0;
+/// Logistic scales below the threshold from which a hazard is neglected: 3e-4 events per crossing,
+/// a thirtieth of the smallest mismatch that is named.
+pub(super) const REACH: f64 = 8.0;
 
 /// A hypothesis about the reference level.
 #[derive(Debug, Clone, Copy, Default)]

@@ -298,6 +298,7 @@ impl CameraModel {
                 *signal += dx * f64::from(*gx) + dy * f64::from(*gy);
             }
         }
+        self.sharpen_in_time(evidence, view);
         let pedestal = self.constant(CameraConstant::Pedestal);
         if pedestal != 0.0 {
             for signal in &mut view.signal {
@@ -308,6 +309,24 @@ impl CameraModel {
                 } else {
                     share.max(-0.95).ln_1p()
                 };
+            }
+        }
+    }
+
+    /// Undoes a blur in time, to second order.
+    fn sharpen_in_time(&self, evidence: &Evidence, view: &mut ModelledPixel<'_>) {
+        let variance = self.constant(CameraConstant::TemporalBlur);
+        if variance == 0.0 {
+            return;
+        }
+        let frame = evidence.facts.frame_us / evidence.step_us;
+        let half = ((0.5 * frame).round() as usize).max(1);
+        let factor = 0.5 * variance * (frame / half as f64).powi(2);
+        let blurred = view.signal.clone();
+        for i in half..blurred.len().saturating_sub(half) {
+            let curvature = blurred[i - half] - 2.0 * blurred[i] + blurred[i + half];
+            if curvature.is_finite() {
+                view.signal[i] -= (factor * curvature).clamp(-0.5, 0.5);
             }
         }
     }

@@ -47,10 +47,12 @@ pub(crate) enum CameraConstant {
     RotationDeg,
     /// Recorded over predicted scale, minus one.
     Scale,
+    /// Variance of the blur in time by exposure and interpolation, squared frame intervals.
+    TemporalBlur,
 }
 
 /// Number of constants.
-pub(crate) const N_CONSTANTS: usize = 20;
+pub(crate) const N_CONSTANTS: usize = 21;
 
 /// A Gaussian prior, and the range that an ordinary camera has.
 #[derive(Debug, Clone, Copy)]
@@ -87,6 +89,7 @@ impl CameraConstant {
         Self::ShiftY,
         Self::RotationDeg,
         Self::Scale,
+        Self::TemporalBlur,
     ];
 
     /// Prior from datasheets and the literature: thresholds of 2 to 100 %, a leak of 0.1 Hz and
@@ -127,6 +130,8 @@ impl CameraConstant {
             Self::ShiftX | Self::ShiftY => of(0.0, 0.1 * scene, [-0.15, 0.15], 1e-3),
             Self::RotationDeg => of(0.0, 0.03 * scene, [-0.04, 0.04], 3e-4),
             Self::Scale => of(0.0, 5e-4 * scene, [-7e-4, 7e-4], 1e-5),
+            // Linear interpolation is convolution with a triangle, of variance 1/6.
+            Self::TemporalBlur => of(0.0, (1.0 - scene) / 6.0, [-1.0 / 6.0, 1.0 / 3.0], 2e-3),
         }
     }
 
@@ -141,6 +146,7 @@ impl CameraConstant {
                 | Self::RotationDeg
                 | Self::Scale
                 | Self::PhotoLeakHz
+                | Self::TemporalBlur
         )
     }
 
@@ -206,6 +212,7 @@ impl CameraConstant {
             Self::ShiftY => ("shift_y_px", ReportedAs::Value),
             Self::RotationDeg => ("rotation_deg", ReportedAs::Value),
             Self::Scale => ("scale", ReportedAs::OnePlus),
+            Self::TemporalBlur => ("temporal_blur_frames2", ReportedAs::Value),
         }
     }
 }

@@ -39,8 +39,10 @@ pub(crate) fn fitted_camera(
     let k = Coefficients::new([1.0 / theta, 1e-9, 0.0, leak_per_us, 0.0, 0.0]).ok()?;
     let (mut applied, mut left_out) = (Vec::new(), Vec::new());
     for effect in named.iter().filter(|effect| !IN_CONSTANTS.contains(&effect.id)) {
-        let values: Vec<(&str, f64)> =
-            effect.parameters.iter().map(|(key, p)| (key.as_str(), p.value)).collect();
+        // The generator has no shape of a period's end.
+        let own =
+            effect.parameters.iter().filter(|(k, _)| effect.id.parameters().contains(&k.as_str()));
+        let values: Vec<(&str, f64)> = own.map(|(key, p)| (key.as_str(), p.value)).collect();
         match Effect::from_parameters(effect.id, &values) {
             // The signal contains what frames and optics do to it.
             Ok(own)
