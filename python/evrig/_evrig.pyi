@@ -58,15 +58,7 @@ class SessionHandle:
         self, camera: _Path | None, name: str, seed: int, force: bool
     ) -> tuple[str, list[str]]: ...
     def compare(self, simulated: str, real: str, seed: int, force: bool) -> _Comparison: ...
-    def calibrate(
-        self,
-        frames: str,
-        real: str,
-        objective: str,
-        n_evaluations: int | None,
-        seed: int,
-        force: bool,
-    ) -> str: ...
+    def calibrate(self, request: dict[str, Any]) -> str: ...
     def diagnose(self, request: dict[str, Any], progress: _Report) -> str: ...
     def process(
         self, choice: dict[str, Any], variants: str | None, force: bool, progress: _Report

@@ -403,10 +403,15 @@ class Session:
             AnalysisError: The events do not determine the constants.
             SessionError: A stream is missing.
         """
-        n = _arguments.whole("evaluations", evaluations, 0, 10**6)
-        name = self._frames_name(frames)
-        text = self._handle.calibrate(name, real, objective, n, _arguments.seed(seed), force)
-        return read(Calibration, text)
+        request = {
+            "frames": self._frames_name(frames),
+            "real": real,
+            "objective": objective,
+            "n_evaluations": _arguments.whole("evaluations", evaluations, 0, 10**6),
+            "seed": _arguments.seed(seed),
+            "force": bool(force),
+        }
+        return read(Calibration, self._handle.calibrate(request))
 
     def diagnose(
         self,
