@@ -42,7 +42,7 @@ class Stream(Record):
         last_us: Last stamp, µs of its clock.
         source: The camera or program that made it.
         size: ``width`` and ``height``, for events and frames.
-        clock: ``davis``, or ``pi-sensor``.
+        clock: The clock that orders it in its file: ``davis``, ``pi-sensor`` or ``unix``.
     """
 
     name: str
@@ -231,8 +231,8 @@ class Session:
         """
         name = self._frames_name(name)
         stream = next((s for s in self.streams if s.name == name and s.kind == "frames"), None)
-        n, clock = (stream.count, stream.clock) if stream is not None else (0, "davis")
-        return gathered(self.iter_frames(name), n, name, clock)
+        n = 0 if stream is None else stream.count
+        return gathered(self.iter_frames(name), n, name, self._handle.frames_clock(name))
 
     def poses(self, commanded: bool = False) -> Poses:
         """Poses that the arm reported, or those that the trajectory commanded."""
