@@ -9,7 +9,7 @@ author = "The evrig authors"
 sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 autodoc_mock_imports = ["evrig._evrig", "rerun", "torch"]
 autodoc_typehints = "none"
-autodoc_class_signature = "separated"
+autodoc_class_signature = "mixed"
 napoleon_use_ivar = True
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]

@@ -42,7 +42,7 @@ class Stream(Record):
         last_us: Last stamp, µs of its clock.
         source: The camera or program that made it.
         size: ``width`` and ``height``, for events and frames.
-        clock: ``davis``, or ``pi-sensor``.
+        clock: The clock that orders it in its file: ``davis``, ``pi-sensor`` or ``unix``.
     """
 
     name: str
@@ -231,8 +231,8 @@ class Session:
         """
         name = self._frames_name(name)
         stream = next((s for s in self.streams if s.name == name and s.kind == "frames"), None)
-        n, clock = (stream.count, stream.clock) if stream is not None else (0, "davis")
-        return gathered(self.iter_frames(name), n, name, clock)
+        n = 0 if stream is None else stream.count
+        return gathered(self.iter_frames(name), n, name, self._handle.frames_clock(name))
 
     def poses(self, commanded: bool = False) -> Poses:
         """Poses that the arm reported, or those that the trajectory commanded."""
@@ -403,10 +403,15 @@ class Session:
             AnalysisError: The events do not determine the constants.
             SessionError: A stream is missing.
         """
-        n = _arguments.whole("evaluations", evaluations, 0, 10**6)
-        name = self._frames_name(frames)
-        text = self._handle.calibrate(name, real, objective, n, _arguments.seed(seed), force)
-        return read(Calibration, text)
+        request = {
+            "frames": self._frames_name(frames),
+            "real": real,
+            "objective": objective,
+            "n_evaluations": _arguments.whole("evaluations", evaluations, 0, 10**6),
+            "seed": _arguments.seed(seed),
+            "force": bool(force),
+        }
+        return read(Calibration, self._handle.calibrate(request))
 
     def diagnose(
         self,

@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-enum FrameSource {
+enum OpenedFrames {
     Davis(DavisFrames),
     Pi(PiCameraFrames),
 }
@@ -16,11 +16,11 @@ enum FrameSource {
 /// An iterator over a stream's frames.
 #[pyclass(frozen, module = "evrig._evrig")]
 pub(crate) struct FrameReader {
-    source: Mutex<FrameSource>,
+    source: Mutex<OpenedFrames>,
 }
 
 /// A frame's samples and what is known of them.
-type FrameParts<'py> = (
+type FrameTuple<'py> = (
     Bound<'py, PyAny>,
     i64,
     i64,
@@ -35,9 +35,9 @@ type FrameParts<'py> = (
 impl FrameReader {
     pub(crate) fn open(session: &Session, name: &str) -> Result<Self, Failure> {
         let source = if session.is_from_pi(name)? {
-            FrameSource::Pi(session.pi_frames(name)?)
+            OpenedFrames::Pi(session.pi_frames(name)?)
         } else {
-            FrameSource::Davis(session.davis_frames(name)?)
+            OpenedFrames::Davis(session.davis_frames(name)?)
         };
         Ok(Self { source: Mutex::new(source) })
     }
@@ -51,11 +51,11 @@ impl FrameReader {
 
     /// Samples; mid-exposure of row 0 (µs), stamp (ns), exposure (ns), row time (ns); bits, mosaic,
     /// black levels, gain.
-    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<FrameParts<'py>>> {
+    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<FrameTuple<'py>>> {
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *source {
-            FrameSource::Davis(frames) => frames.next().map(|frame| parts(py, frame)),
-            FrameSource::Pi(frames) => frames.next().map(|frame| parts(py, frame)),
+            OpenedFrames::Davis(frames) => frames.next().map(|frame| parts(py, frame)),
+            OpenedFrames::Pi(frames) => frames.next().map(|frame| parts(py, frame)),
         }
         .transpose()
     }
@@ -64,7 +64,7 @@ impl FrameReader {
 fn parts<C: Clock>(
     py: Python<'_>,
     frame: Result<RecordedFrame<C>, evrig::session::SessionError>,
-) -> PyResult<FrameParts<'_>> {
+) -> PyResult<FrameTuple<'_>> {
     let RecordedFrame { frame, properties, .. } = frame.map_err(Failure::from)?;
     let (height, width) = (usize::from(frame.size.height), usize::from(frame.size.width));
     let shape = match frame.channels.count() {

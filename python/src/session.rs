@@ -16,7 +16,7 @@ use evrig::session::import::{
     import_frames, import_raw2event, import_recording,
 };
 use evrig::session::{Session as LibrarySession, StreamName, TimedPose};
-use evrig::time::{Clock, Stamp};
+use evrig::time::{Clock, Davis, PiSensor, Stamp};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -77,6 +77,12 @@ impl SessionHandle {
     /// A stream's frames, one after another.
     fn frames(&self, name: &str) -> PyResult<FrameReader> {
         Ok(FrameReader::open(&self.session, name)?)
+    }
+
+    /// The clock of a stream's frames.
+    fn frames_clock(&self, name: &str) -> PyResult<&'static str> {
+        let is_from_pi = self.session.is_from_pi(name).map_err(Failure::from)?;
+        Ok(if is_from_pi { PiSensor::NAME } else { Davis::NAME })
     }
 
     /// Starts of the frames of the event camera, µs, and what they are.

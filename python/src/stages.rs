@@ -116,27 +116,8 @@ impl SessionHandle {
     }
 
     /// Fits the constants of the voltmeter; the calibration as JSON.
-    fn calibrate(
-        &self,
-        py: Python<'_>,
-        frames: String,
-        real: String,
-        objective: &str,
-        n_evaluations: usize,
-        seed: u64,
-        force: bool,
-    ) -> PyResult<String> {
-        let objective = match objective {
-            "score" => ObjectiveKind::Score,
-            "emd" => ObjectiveKind::Emd,
-            other => {
-                let text = format!("objective: expected \"score\" or \"emd\", got \"{other}\"");
-                return Err(Failure::Argument(text).into());
-            }
-        };
-        let session = self.session.clone();
-        let request =
-            CalibrateRequest { from: frames, real, objective, n_evaluations, seed, force };
+    fn calibrate(&self, py: Python<'_>, request: CalibrationArguments) -> PyResult<String> {
+        let (session, request) = (self.session.clone(), request.request()?);
         run_owning(py, None, move |_| json(&pipeline::calibrate(&session, &request)?.0))
     }
 
@@ -167,7 +148,7 @@ impl SessionHandle {
         variants: Option<String>,
         force: bool,
         progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<(Vec<&'static str>, Vec<(&'static str, String)>)> {
+    ) -> PyResult<ProcessedStages> {
         let root = self.session.root().to_owned();
         run_owning(py, progress, move |link| {
             let variants = variants.as_deref().map(VariantList::read).transpose()?;
@@ -189,6 +170,36 @@ impl SessionHandle {
     fn report(&self, py: Python<'_>) -> PyResult<String> {
         let session = self.session.clone();
         run_owning(py, None, move |_| Ok(pipeline::report(&session)?))
+    }
+}
+
+/// Stages that were run, and those that were left out with the reason.
+type ProcessedStages = (Vec<&'static str>, Vec<(&'static str, String)>);
+
+/// What a calibration is asked.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct CalibrationArguments {
+    frames: String,
+    real: String,
+    objective: String,
+    n_evaluations: usize,
+    seed: u64,
+    force: bool,
+}
+
+impl CalibrationArguments {
+    fn request(self) -> Result<CalibrateRequest, Failure> {
+        let Self { frames: from, real, objective, n_evaluations, seed, force } = self;
+        let objective = match objective.as_str() {
+            "score" => ObjectiveKind::Score,
+            "emd" => ObjectiveKind::Emd,
+            other => {
+                let text = format!("objective: expected \"score\" or \"emd\", got \"{other}\"");
+                return Err(Failure::Argument(text));
+            }
+        };
+        Ok(CalibrateRequest { from, real, objective, n_evaluations, seed, force })
     }
 }
 
