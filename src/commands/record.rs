@@ -1,6 +1,7 @@
 //! `record`: the engine over the devices that a rig file names.
 
 mod images;
+mod lag;
 mod prompt;
 
 use super::plan::refused;
@@ -177,6 +178,9 @@ impl<'a> RecordingRun<'a> {
         let outcome =
             evrig_record::record(request, &mut open.devices, &self.operator.stop, &mut watch)?;
         bar.finish_and_clear();
+        for sentence in lag::slow_cameras(self.rig, &outcome.manifest) {
+            output.warn(sentence);
+        }
         let holds = verify(&Session::open(out)?)?.holds();
         Ok(summarise(out, outcome, holds, output))
     }
