@@ -13,6 +13,7 @@ use evrig_record::{
     Dwells, EmergencyStop, Prompts, RUNS_SCHEMA, RecordOutcome, RecordRequest, RecordState,
     RunList, RunsError, StopRequest, StopToken,
 };
+use evrig_report::number::counted;
 use evrig_session::rig::{ArmPort, Rig};
 use evrig_session::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
 use evrig_session::{Manifest, Session, verify};
@@ -116,7 +117,8 @@ impl<'a> RecordingRun<'a> {
             }
         }
         if text.is_empty() {
-            text = format!("all {} runs were recorded before", list.n_runs());
+            text =
+                format!("nothing left to record of {}", counted(u64::from(list.n_runs()), "run"));
         }
         let value = json!({
             "schema": RUNS_SCHEMA, "n_runs": list.n_runs(), "attempts": list.attempts(),

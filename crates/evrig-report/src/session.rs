@@ -78,12 +78,21 @@ fn facts(manifest: &Manifest) -> Vec<Fact> {
     let is_shown = |kind| matches!(kind, StreamKind::Events | StreamKind::Frames);
     let mut facts: Vec<Fact> = streams
         .filter(|stream| stream.count > 0 && is_shown(stream.kind))
-        .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
+        .map(|stream| {
+            let kind = stream.kind.to_string();
+            Fact::new(
+                &format!("{kind} “{}”", stream.name),
+                format!("{} {kind}", count(stream.count)),
+            )
+        })
         .collect();
-    // Streams on other clocks or from the preflight do not give the duration of the recording.
+    // Streams on other clocks do not give the duration of the recording.
     let of = |kind| manifest.streams.iter().find(move |stream| stream.kind == kind);
-    let main = of(StreamKind::Events).or_else(|| of(StreamKind::Frames));
-    if let Some((first, last)) = main.and_then(|stream| stream.first_us.zip(stream.last_us)) {
+    let clock = of(StreamKind::Events).or_else(|| of(StreamKind::Frames)).map(|main| &main.clock);
+    let streams = || manifest.streams.iter().filter(|stream| Some(&stream.clock) == clock);
+    let first = streams().filter_map(|stream| stream.first_us).min();
+    let last = streams().filter_map(|stream| stream.last_us).max();
+    if let Some((first, last)) = first.zip(last) {
         facts.push(Fact::new("duration", format!("{:.3} s", (last - first) as f64 * 1e-6)));
     }
     facts
