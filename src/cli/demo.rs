@@ -3,15 +3,9 @@
 use clap::Args;
 use std::path::PathBuf;
 
-/// Effects that can be concealed: in the trials of the diagnosis, each was named whenever it was as
-/// strong as here.
-pub const CONCEALABLE: [&str; 5] = [
-    "refractory_period",
-    "fixed_pole",
-    "photoreceptor_bandwidth",
-    "event_drop",
-    "threshold_asymmetry",
-];
+/// Effects that can be concealed: each was named in the demo's short session at the strengths at
+/// which it is drawn.
+pub const CONCEALABLE: [&str; 3] = ["fixed_pole", "refractory_period", "clock_offset"];
 
 /// Arguments of `evrig demo`.
 #[derive(Debug, Args)]
