@@ -14,10 +14,10 @@ pub const CONCEALABLE: [&str; 3] = ["fixed_pole", "refractory_period", "clock_of
     evrig demo --seed 7\n  \
     evrig demo --effect refractory_period\n  \
     evrig demo --world none                (conceals nothing)\n\n\
-    The effect is drawn and sealed before the session is recorded. The diagnosis reads the\n\
-    session only; then the seal is opened and the answer is judged. The devices are simulated\n\
-    in virtual time; `evrig record sim circle` runs the recording engine with simulated devices\n\
-    on its real protocols.")]
+    The drawn effect acts in the simulated camera and is sealed after the recording. The\n\
+    diagnosis reads the session only; then the seal is opened and the answer is judged. The\n\
+    devices are simulated in virtual time; `evrig record sim circle` runs the recording engine\n\
+    with simulated devices on its real protocols.")]
 pub struct DemoArgs {
     /// The session's directory, missing or empty [default: evrig-demo, with a number if it is
     /// taken]
