@@ -4,15 +4,15 @@ use clap::Args;
 use std::path::PathBuf;
 
 /// Effects that can be concealed: each was named in the demo's short session at the strengths at
-/// which it is drawn.
-pub const CONCEALABLE: [&str; 3] = ["fixed_pole", "refractory_period", "clock_offset"];
+/// which it is drawn, and the generator reproduces it.
+pub const CONCEALABLE: [&str; 2] = ["clock_offset", "fixed_pole"];
 
 /// Arguments of `evrig demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig demo\n  \
     evrig demo --seed 7\n  \
-    evrig demo --effect refractory_period\n  \
+    evrig demo --effect fixed_pole\n  \
     evrig demo --world none                (conceals nothing)\n\n\
     The drawn effect acts in the simulated camera and is sealed after the recording. The\n\
     diagnosis reads the session only; then the seal is opened and the answer is judged. The\n\

@@ -143,7 +143,9 @@ fn figure(title: &str, caption: &str, bars: &[LabelledBar]) -> Figure {
 }
 
 /// Events per pixel: recorded, generated without and with the named effects.
-fn generated(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
+fn generated(run: &ForwardSimulation, is_named: bool) -> Option<Figure> {
+    // What the generator cannot represent is no picture of the named effects.
+    let is_corrected = is_named && run.left_out.is_empty();
     let titles = ["Recorded", "Generated without it", "Generated with it"];
     let titles = if is_corrected { &titles[..] } else { &["Recorded", "Generated"] };
     let maps: Vec<(String, &[u32])> = titles
