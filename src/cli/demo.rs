@@ -3,27 +3,21 @@
 use clap::Args;
 use std::path::PathBuf;
 
-/// Effects that can be concealed: in the trials of the diagnosis, each was named whenever it was as
-/// strong as here.
-pub const CONCEALABLE: [&str; 5] = [
-    "refractory_period",
-    "fixed_pole",
-    "photoreceptor_bandwidth",
-    "event_drop",
-    "threshold_asymmetry",
-];
+/// Effects that can be concealed: each was named in the demo's short session at the strengths at
+/// which it is drawn, and the generator reproduces it.
+pub const CONCEALABLE: [&str; 2] = ["clock_offset", "fixed_pole"];
 
 /// Arguments of `evrig demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     evrig demo\n  \
     evrig demo --seed 7\n  \
-    evrig demo --effect refractory_period\n  \
+    evrig demo --effect fixed_pole\n  \
     evrig demo --world none                (conceals nothing)\n\n\
-    The effect is drawn and sealed before the session is recorded. The diagnosis reads the\n\
-    session only; then the seal is opened and the answer is judged. The devices are simulated\n\
-    in virtual time; `evrig record sim circle` runs the recording engine with simulated devices\n\
-    on its real protocols.")]
+    The drawn effect acts in the simulated camera and is sealed after the recording. The\n\
+    diagnosis reads the session only; then the seal is opened and the answer is judged. The\n\
+    devices are simulated in virtual time; `evrig record sim circle` runs the recording engine\n\
+    with simulated devices on its real protocols.")]
 pub struct DemoArgs {
     /// The session's directory, missing or empty [default: evrig-demo, with a number if it is
     /// taken]

@@ -39,7 +39,8 @@ pub fn command() -> clap::Command {
     options += "  -V, --version    Print the version\n";
     command.help_template(format!(
         "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}\
-         Options of every command:\n{options}\n{{after-help}}"
+         Options of every command:\n{}{{after-help}}",
+        options.trim_end()
     ))
 }
 

@@ -32,6 +32,14 @@ pub(super) fn run(args: &CalibrateArgs, output: &Output) -> anyhow::Result<Endin
     let bar = output.progress("calibrate", 1);
     let (calibration, freshness) = pipeline::calibrate(&session, &request)?;
     bar.finish_and_clear();
+    let tuned = format!("{from}-tuned");
+    let has_tuned = session.generated_names().iter().any(|name| name.as_str() == tuned);
+    if freshness == Freshness::Ran && has_tuned {
+        let root = args.session.display();
+        output.say(format_args!(
+            "`{tuned}` was generated with the former constants; `evrig process {root}` renews it"
+        ));
+    }
     let text = format!("{}\n{}", line(&calibration, freshness), table(&calibration));
     output.result(&value(&request, &calibration, freshness)?, text.trim_end())?;
     Ok(Ending::Done)

@@ -188,7 +188,7 @@ pub(super) fn compare(args: &CompareArgs, output: &Output) -> anyhow::Result<End
         }
         // A task also brings its session's other stages up to date.
         let choice = ModelChoice::seeded(args.seed);
-        let request = ProcessRequest { choice, variants, force: args.force };
+        let request = ProcessRequest { choice, variants, n_pixels: None, force: args.force };
         let splits = batch::read_splits(root)?;
         return submit(root, &request, &splits, false, &args.engine, output);
     }

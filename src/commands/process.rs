@@ -14,6 +14,7 @@ pub(super) fn run(args: &ProcessArgs, output: &Output) -> anyhow::Result<Ending>
     let request = ProcessRequest {
         choice: args.choice.choice(),
         variants: args.variants.as_deref().map(VariantList::read).transpose()?,
+        n_pixels: None,
         force: args.force,
     };
     let (root, asked) = (args.session.as_path(), &args.batch);

@@ -1,6 +1,7 @@
 //! `record`: the engine over the devices that a rig file names.
 
 mod images;
+mod lag;
 mod prompt;
 
 use super::plan::refused;
@@ -12,6 +13,7 @@ use evrig_record::{
     Dwells, EmergencyStop, Prompts, RUNS_SCHEMA, RecordOutcome, RecordRequest, RecordState,
     RunList, RunsError, StopRequest, StopToken,
 };
+use evrig_report::number::counted;
 use evrig_session::rig::{ArmPort, Rig};
 use evrig_session::trajectory::{OptionalSegments, Plan, ToolPath, Trajectory};
 use evrig_session::{Manifest, Session, verify};
@@ -115,7 +117,8 @@ impl<'a> RecordingRun<'a> {
             }
         }
         if text.is_empty() {
-            text = format!("all {} runs were recorded before", list.n_runs());
+            text =
+                format!("nothing left to record of {}", counted(u64::from(list.n_runs()), "run"));
         }
         let value = json!({
             "schema": RUNS_SCHEMA, "n_runs": list.n_runs(), "attempts": list.attempts(),
@@ -177,6 +180,9 @@ impl<'a> RecordingRun<'a> {
         let outcome =
             evrig_record::record(request, &mut open.devices, &self.operator.stop, &mut watch)?;
         bar.finish_and_clear();
+        for sentence in lag::slow_cameras(self.rig, &outcome.manifest) {
+            output.warn(sentence);
+        }
         let holds = verify(&Session::open(out)?)?.holds();
         Ok(summarise(out, outcome, holds, output))
     }

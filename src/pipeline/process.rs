@@ -25,6 +25,8 @@ pub struct ProcessRequest {
     pub choice: ModelChoice,
     /// A list of variants to generate beside it.
     pub variants: Option<VariantList>,
+    /// Pixels of the diagnosis, at most; its own default where none is stated.
+    pub n_pixels: Option<usize>,
     /// Run stages even when their results are fresh.
     pub force: bool,
 }
@@ -267,7 +269,9 @@ impl ProcessRun<'_> {
     }
 
     fn variants(&mut self) {
-        let ProcessRequest { choice, variants: Some(list), force } = self.request else { return };
+        let ProcessRequest { choice, variants: Some(list), force, .. } = self.request else {
+            return;
+        };
         let results = variants(self.session, list, choice.seed, *force, &self.progress);
         match results.and_then(|results| results.require_any(self.session).map(|()| results)) {
             Ok(results) => self.done(StageResult::Variants(results)),
@@ -310,12 +314,14 @@ impl ProcessRun<'_> {
             self.skip("diagnose", "it takes real events and frames on their pixel grid");
             return;
         };
+        let defaults = DiagnosisOptions::default();
         let request = DiagnoseRequest {
             real: "real".into(),
             baseline,
             options: DiagnosisOptions {
                 seed: self.request.choice.seed,
-                ..DiagnosisOptions::default()
+                n_pixels: self.request.n_pixels.unwrap_or(defaults.n_pixels),
+                ..defaults
             },
             force: self.request.force,
         };

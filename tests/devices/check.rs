@@ -11,6 +11,8 @@ fn check(args: &[&str]) -> (i32, Value) {
         .arg("--json")
         .output()
         .unwrap();
+    let warnings = String::from_utf8_lossy(&output.stderr);
+    assert!(!warnings.contains("suspended"), "an orderly end is not a stall: {warnings}");
     let value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| {
         panic!("{error}: {}", String::from_utf8_lossy(&output.stderr));
     });

@@ -44,6 +44,30 @@ fn every_format_is_read_back_unchanged_by_common_libraries() {
     eprintln!("{}", String::from_utf8_lossy(&read.stdout));
 }
 
+/// HDF5 2.0 refuses chunks whose dimensions are encoded in more bytes than they need; former
+/// versions do not. `EVRIG_OLD_H5PY_PYTHON` names a Python with h5py 3.11.
+#[test]
+fn a_recording_of_several_chunks_is_read_by_the_oldest_and_the_newest_h5py() {
+    let Some(newest) = python("h5py") else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let (session, out) = (directory.path().join("street"), directory.path().join("real.h5"));
+    let recording = "tests/data/davis346-street.aedat4";
+    let (code, printed) = evrig(&["import", "aedat4", recording, "--out", text(&session)]);
+    assert_eq!(code, 0, "{printed}");
+    let (code, printed) =
+        evrig(&["export", text(&session), "--stream", "real", "--out", text(&out)]);
+    assert_eq!(code, 0, "{printed}");
+    let oldest = std::env::var_os("EVRIG_OLD_H5PY_PYTHON").map(PathBuf::from);
+    for program in oldest.into_iter().chain([newest.into()]) {
+        let read = std::process::Command::new(program)
+            .args(["tests/python/read_hdf5.py", text(&out), "78830"])
+            .output()
+            .unwrap();
+        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+        eprintln!("{}", String::from_utf8_lossy(&read.stdout));
+    }
+}
+
 #[test]
 fn metadata_of_images_clocks_and_seeds_is_exported_unchanged_in_every_format() {
     let Some(python) = python("h5py, dv-processing and mcap") else { return };

@@ -181,4 +181,5 @@ fn without_slurm_the_reason_is_reported() {
         stderr.contains("sbatch") && stderr.contains("Slurm jobs can be submitted"),
         "{stderr}"
     );
+    assert!(!root.join("batch/slurm/job.json").exists(), "nothing was submitted");
 }

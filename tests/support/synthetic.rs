@@ -346,6 +346,7 @@ pub(crate) fn page(title: &str) -> Page {
                 and the same window. Errors are standard errors from blocks of time; the verdict \
                 follows from the 90 % interval.";
     Page {
+        is_folded: false,
         title: title.into(),
         kind: "Session report".into(),
         summary: summary(&measures),

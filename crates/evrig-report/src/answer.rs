@@ -4,7 +4,7 @@ use super::figure::{Figure, FileLink, Panel};
 use super::measure::{MeasureRow, headline as measures_headline};
 use super::number::significant;
 use super::page::ReportSummary;
-use super::plot::bars::{Bar, draw};
+use super::plot::bars::{LabelledBar, draw};
 use super::plot::heat::counts_panels;
 use super::plot::{Ink, strip};
 use super::verdict::{basis, headline, removed};
@@ -81,12 +81,12 @@ fn place(diagnosis: &Diagnosis) -> Option<Figure> {
     if diagnosis.verdict == DiagnosisVerdict::NoMismatch {
         return None;
     }
-    let bar = |stratum: &MisfitStratum| Bar {
+    let bar = |stratum: &MisfitStratum| LabelledBar {
         label: readable_times(&stratum.description),
         value: stratum.excess_nats_per_event,
         ink: Ink::Simulated,
     };
-    let bars: Vec<Bar> = diagnosis.mismatch.strata.iter().take(MAX_BARS).map(bar).collect();
+    let bars: Vec<LabelledBar> = diagnosis.mismatch.strata.iter().take(MAX_BARS).map(bar).collect();
     (!bars.is_empty()).then(|| {
         let caption = "Groups of events that the model without the named effects predicts worst. \
             Length: log-likelihood lost there, in nats per event.";
@@ -97,18 +97,18 @@ fn place(diagnosis: &Diagnosis) -> Option<Figure> {
 /// Which effect explains it best, and the others that were tried in its place.
 fn cause(diagnosis: &Diagnosis) -> Option<Figure> {
     let effect = diagnosis.effects.iter().find(|effect| !effect.is_beside_the_score())?;
-    let named = Bar {
+    let named = LabelledBar {
         label: format!("{} (named)", effect.name),
         value: effect.heldout_gain_nats_per_event,
         ink: Ink::Corrected,
     };
     let others = effect.competing_hypotheses.iter().filter(|other| other.id != effect.id);
-    let others = others.take(MAX_BARS - 1).map(|other| Bar {
+    let others = others.take(MAX_BARS - 1).map(|other| LabelledBar {
         label: other.id.name().to_owned(),
         value: other.heldout_gain_nats_per_event,
         ink: Ink::Guide,
     });
-    let bars: Vec<Bar> = std::iter::once(named).chain(others).collect();
+    let bars: Vec<LabelledBar> = std::iter::once(named).chain(others).collect();
     let caption = format!(
         "How much better events kept out of the fit are predicted with each effect in the first \
          place, in nats per event.{}",
@@ -125,7 +125,7 @@ fn same_law(effect: &FittedEffect) -> String {
     format!(" This session cannot distinguish it from: {}.", names.join(", ").to_lowercase())
 }
 
-fn figure(title: &str, caption: &str, bars: &[Bar]) -> Figure {
+fn figure(title: &str, caption: &str, bars: &[LabelledBar]) -> Figure {
     let words: Vec<String> =
         bars.iter().map(|bar| format!("{}: {}", bar.label, significant(bar.value, 2))).collect();
     Figure {
@@ -143,7 +143,9 @@ fn figure(title: &str, caption: &str, bars: &[Bar]) -> Figure {
 }
 
 /// Events per pixel: recorded, generated without and with the named effects.
-fn generated(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
+fn generated(run: &ForwardSimulation, is_named: bool) -> Option<Figure> {
+    // What the generator cannot represent is no picture of the named effects.
+    let is_corrected = is_named && run.left_out.is_empty();
     let titles = ["Recorded", "Generated without it", "Generated with it"];
     let titles = if is_corrected { &titles[..] } else { &["Recorded", "Generated"] };
     let maps: Vec<(String, &[u32])> = titles

@@ -1,5 +1,7 @@
 //! The report of one session: recording, and comparison of each simulated stream.
 
+mod recorded;
+
 use super::answer::{self, DiagnosisResults};
 use super::figure::FileLink;
 use super::measure::{MeasureRow, headline};
@@ -15,7 +17,8 @@ use evrig_core::event::{EventSlice, Events};
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
 use evrig_core::stats::Estimate;
-use evrig_session::{Manifest, Session, StreamKind};
+use evrig_session::{Manifest, Session};
+use recorded::{facts, losses, simulated};
 
 /// A simulated stream with its comparison and the data of its figures.
 #[derive(Debug, Clone)]
@@ -71,38 +74,6 @@ pub fn page(
         is_folded: true,
         provenance: provenance(manifest, compared),
     })
-}
-
-fn facts(manifest: &Manifest) -> Vec<Fact> {
-    let streams = manifest.streams.iter();
-    let is_shown = |kind| matches!(kind, StreamKind::Events | StreamKind::Frames);
-    let mut facts: Vec<Fact> = streams
-        .filter(|stream| stream.count > 0 && is_shown(stream.kind))
-        .map(|stream| Fact::new(&stream.name, format!("{} {}", count(stream.count), stream.kind)))
-        .collect();
-    // Streams on other clocks or from the preflight do not give the duration of the recording.
-    let of = |kind| manifest.streams.iter().find(move |stream| stream.kind == kind);
-    let main = of(StreamKind::Events).or_else(|| of(StreamKind::Frames));
-    if let Some((first, last)) = main.and_then(|stream| stream.first_us.zip(stream.last_us)) {
-        facts.push(Fact::new("duration", format!("{:.3} s", (last - first) as f64 * 1e-6)));
-    }
-    facts
-}
-
-/// A remark on a recording that no real camera made.
-fn simulated(manifest: &Manifest) -> Option<String> {
-    let devices = &manifest.recording.as_ref()?.devices;
-    devices.iter().any(|device| device.description["source"] == "sim").then(|| {
-        "The rig is simulated: recorded events and frames come from simulated cameras.".to_owned()
-    })
-}
-
-fn losses(manifest: &Manifest) -> Vec<String> {
-    let loss = |loss: &evrig_session::DataLoss| match loss.count {
-        0 => format!("Lost in {}: {}", loss.stream, loss.what),
-        n => format!("Lost in {}: {n} {}", loss.stream, loss.what),
-    };
-    manifest.losses.iter().map(loss).collect()
 }
 
 fn section(

@@ -27,7 +27,10 @@ pub fn headline(diagnosis: &Diagnosis) -> String {
 /// "refractory period: refractory 4.5 ms (90 % interval 4.4 ms to 4.6 ms)".
 fn effect_sentence(effect: &FittedEffect) -> String {
     let name = name_in_sentence(effect.id);
-    let parameters = effect.parameters.iter().map(|(key, value)| {
+    // Settings of the fitted law are in the table of effects.
+    let own = effect.id.parameters();
+    let own = effect.parameters.iter().filter(|(key, _)| own.contains(&key.as_str()));
+    let parameters = own.map(|(key, value)| {
         let words = quantity_words(key).0;
         let value = estimate_words(key, value);
         // A clock offset's parameter `offset` needs no second name.

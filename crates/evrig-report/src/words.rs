@@ -48,7 +48,8 @@ pub fn estimate_words(key: &str, estimate: &ConfidenceInterval) -> String {
     let (_, unit) = quantity_words(key);
     let value = with_unit(estimate.value, unit, 4);
     match estimate.ci90 {
-        [Some(low), Some(high)] => format!(
+        // A setting that was chosen among few has no interval.
+        [Some(low), Some(high)] if low < high => format!(
             "{value} (90\u{a0}% interval {} to {})",
             with_unit(low, unit, 4),
             with_unit(high, unit, 4)

@@ -43,6 +43,9 @@ impl DemoFindings<'_> {
     /// Numbers of generated events before and after, relative to the recording.
     fn generated(&self) -> String {
         let ratio = |run: &ForwardSimulation| {
+            if !run.left_out.is_empty() {
+                return None;
+            }
             let measure = run.measures.get("count_ratio")?;
             Some([measure.baseline?, measure.r#final?].map(|ratio| significant(ratio, 3)))
         };
@@ -60,12 +63,12 @@ impl DemoFindings<'_> {
         let effects: Vec<String> = truth.effects.iter().map(effect_words).collect();
         let covered = judgement.parameters.iter().filter_map(|check| check.is_covered);
         let is_covered = covered.fold(None, |all, one| Some(all.unwrap_or(true) && one));
+        let off = judgement.parameters.iter().map(|check| check.relative_error).fold(0.0, f64::max);
         let verdict = match (judgement.is_top1, judgement.is_top1_or_equivalent, is_covered) {
-            (true, _, Some(true)) => "right, and the interval holds the concealed value",
-            (true, _, Some(false)) => "right, but the interval misses the concealed value",
-            (true, _, None) => "right",
-            (false, true, _) => "named among effects that cannot be distinguished",
-            (false, false, _) => "wrong",
+            (true, _, Some(true)) => "right, and the interval holds the concealed value".to_owned(),
+            (true, ..) => format!("right; the value is {} % off", significant(100.0 * off, 2)),
+            (false, true, _) => "one of several that cannot be distinguished".to_owned(),
+            (false, false, _) => "wrong".to_owned(),
         };
         format!("{}. The answer is {verdict}.", enumeration(&effects))
     }

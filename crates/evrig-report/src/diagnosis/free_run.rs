@@ -4,10 +4,8 @@ use crate::figure::{Figure, FileLink, LegendEntry, LegendMark, Panel};
 use crate::page::SectionBlock;
 use crate::plot::Ink;
 use crate::plot::chart::{Chart, ChartAxis, Layer};
-use crate::plot::heat::counts_panels;
 use crate::table::{ReportTable, TableCell, TableColumn};
 use evrig_analysis::diagnose::{ForwardSimulation, ModelComparison};
-use evrig_core::geometry::Size;
 
 /// Key, description, and the value of a perfect model.
 const MEASURES: [(&str, &str, &str); 7] = [
@@ -22,12 +20,11 @@ const MEASURES: [(&str, &str, &str); 7] = [
 
 /// Tables and figures of a forward simulation.
 pub(super) fn blocks(run: &ForwardSimulation, is_corrected: bool) -> Vec<SectionBlock> {
-    let link = || FileLink::beside("derived/diagnose/forward_simulation.json");
-    let mut blocks = vec![SectionBlock::ReportTable(measures(run, is_corrected))];
-    if let Some(maps) = maps(run, is_corrected) {
-        blocks.push(SectionBlock::Figure(maps.with_data(link())));
-    }
-    blocks.push(SectionBlock::Figure(intervals(run, is_corrected).with_data(link())));
+    let link = FileLink::beside("derived/diagnose/forward_simulation.json");
+    let mut blocks = vec![
+        SectionBlock::ReportTable(measures(run, is_corrected)),
+        SectionBlock::Figure(intervals(run, is_corrected).with_data(link)),
+    ];
     if !run.left_out.is_empty() {
         let words = run.left_out.join("; ");
         blocks.push(SectionBlock::Text(format!(
@@ -48,14 +45,15 @@ fn measures(run: &ForwardSimulation, is_corrected: bool) -> ReportTable {
         row.push(TableCell::text(right));
         Some(row)
     };
-    let mut columns = vec![TableColumn::text("measure"), TableColumn::number("baseline", "")];
+    let mut columns =
+        vec![TableColumn::text("measure"), TableColumn::number("without the named effects", "")];
     if is_corrected {
-        columns.push(TableColumn::number("corrected", ""));
+        columns.push(TableColumn::number("with them", ""));
     }
     columns.push(TableColumn::text("perfect model"));
     let [x, y, w, h] = run.patch_px;
     ReportTable {
-        title: "Forward simulation".into(),
+        title: "Generated events in seven measures".into(),
         caption: format!(
             "Events generated from the same signal without recorded events, compared with the \
              camera: {w} by {h} pixels from column {x}, row {y}. Nearly all of these pixels were \
@@ -64,25 +62,6 @@ fn measures(run: &ForwardSimulation, is_corrected: bool) -> ReportTable {
         columns,
         rows: MEASURES.iter().filter_map(row).collect(),
     }
-}
-
-fn maps(run: &ForwardSimulation, is_corrected: bool) -> Option<Figure> {
-    let [_, _, w, h] = run.patch_px;
-    let titles = ["Recorded", "Without the named effects", "With them"];
-    let n = if is_corrected { 3 } else { 2 };
-    let maps: Vec<(String, &[u32])> = titles
-        .iter()
-        .zip(&run.counts)
-        .take(n)
-        .map(|(title, counts)| ((*title).to_owned(), counts.as_slice()))
-        .collect();
-    Some(Figure {
-        title: "Events per pixel, recorded and generated".into(),
-        caption: "One colour scale for all: equal colours are equal counts.".into(),
-        legend: Vec::new(),
-        panels: counts_panels(Size::new(w, h), &maps).ok()?,
-        data: None,
-    })
 }
 
 fn intervals(run: &ForwardSimulation, is_corrected: bool) -> Figure {

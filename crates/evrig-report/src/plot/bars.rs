@@ -6,7 +6,7 @@ use crate::number::significant;
 
 /// One bar.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bar {
+pub struct LabelledBar {
     /// Label, in lines of text above the bar.
     pub label: String,
     /// Length.
@@ -25,7 +25,7 @@ const MAX_LETTERS: usize = 66;
 
 /// Draws bars on a common scale; values below zero have no length.
 #[must_use]
-pub fn draw(bars: &[Bar]) -> Drawing {
+pub fn draw(bars: &[LabelledBar]) -> Drawing {
     let longest = bars.iter().map(|bar| bar.value).fold(f64::MIN_POSITIVE, f64::max);
     let labels: Vec<Vec<String>> = bars.iter().map(|bar| lines(&bar.label)).collect();
     let height = |lines: &Vec<String>| lines.len() as f64 * LINE_HEIGHT + BAR_HEIGHT + 14.0;
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn the_longest_bar_fills_the_width_and_a_negative_value_has_no_length() {
-        let bar = |value| Bar { label: "gain".into(), value, ink: Ink::Real };
+        let bar = |value| LabelledBar { label: "gain".into(), value, ink: Ink::Real };
         let drawn = draw(&[bar(0.4), bar(0.1), bar(-1.0)]);
         let svg = drawn.wide();
         assert!(svg.contains("width=\"402\"") && svg.contains("width=\"100.5\""), "{svg}");
