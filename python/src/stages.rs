@@ -152,7 +152,8 @@ impl SessionHandle {
         let root = self.session.root().to_owned();
         run_owning(py, progress, move |link| {
             let variants = variants.as_deref().map(VariantList::read).transpose()?;
-            let request = ProcessRequest { choice: choice.choice(), variants, force };
+            let request =
+                ProcessRequest { choice: choice.choice(), variants, force, n_pixels: None };
             let processed = batch::process_session(&root, &request, &|progress| match progress {
                 PipelineProgress::Stage { stage, done, total, .. } => {
                     link.report(stage, done, total);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// Effects that can be concealed: each was named in the demo's short session at the strengths at
 /// which it is drawn, and the generator reproduces it.
-pub const CONCEALABLE: [&str; 2] = ["clock_offset", "fixed_pole"];
+pub const CONCEALABLE: [&str; 3] = ["clock_offset", "fixed_pole", "refractory_period"];
 
 /// Arguments of `evrig demo`.
 #[derive(Debug, Args)]
