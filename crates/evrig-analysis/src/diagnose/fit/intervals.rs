@@ -6,7 +6,8 @@ use crate::diagnose::model::terms::{PixelTerms, score_view};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Standard error of each coordinate of a fit; 0 for those that were not fitted.
+/// Standard error of each coordinate of a fit; 0 for those that were not fitted, infinite for those
+/// at the end of their range.
 ///
 /// Scores are summed over tiles and over blocks of the training cells (Cameron, Gelbach and Miller,
 /// 2011), so that errors of the signal common to neighbours count once.
@@ -35,7 +36,9 @@ pub(crate) fn standard_errors(evidence: &Evidence, fit: &ModelFit) -> Vec<f64> {
     let sandwich = covariance * &meat * covariance;
     for (j, &at) in fit.active.iter().enumerate() {
         // The two-way estimate is not positive in every finite sample; the information bounds it.
-        errors[at] = sandwich[(j, j)].max(covariance[(j, j)].abs()).sqrt();
+        let variance = sandwich[(j, j)].max(covariance[(j, j)].abs());
+        // The end of a range holds a coordinate without information.
+        errors[at] = if variance > 0.0 { variance.sqrt() } else { f64::INFINITY };
     }
     errors
 }
