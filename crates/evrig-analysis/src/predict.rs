@@ -4,6 +4,7 @@
 //! independent. The hazard is smooth in all parameters (`law`).
 
 mod band;
+mod burst_window;
 mod bursts;
 mod draw;
 mod hazard;
@@ -15,7 +16,7 @@ pub(crate) mod signal;
 mod softplus;
 mod time_blocks;
 
-pub(crate) use bursts::BurstWindow;
+pub(crate) use burst_window::BurstWindow;
 pub(crate) use law::ComparatorLaw;
 pub(crate) use pass::{HazardTerm, TermVisitor, visit};
 pub use pixel_events::{EventsByPixel, Spike};

@@ -2,16 +2,6 @@
 
 use super::pass::PixelPass;
 
-/// A rate of additional events during a short time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct BurstWindow {
-    /// Its ends, microseconds since the window's start.
-    pub(crate) from_us: f64,
-    pub(crate) to_us: f64,
-    /// ON and OFF events of a pixel, Hz.
-    pub(crate) hz: [f64; 2],
-}
-
 impl PixelPass<'_> {
     /// ON and OFF events that bursts cause between two positions, in ascending order of calls.
     pub(super) fn burst_events(&mut self, from: f64, to: f64) -> [f64; 2] {

@@ -1,6 +1,6 @@
 //! The sampled log-intensity signal of a pixel.
 
-use super::bursts::BurstWindow;
+use super::burst_window::BurstWindow;
 
 /// A pixel's signal on a grid of instants.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,6 @@
 //! The law against closed forms, and its smoothness.
 
-use super::bursts::BurstWindow;
+use super::burst_window::BurstWindow;
 use super::law::{ComparatorLaw, LOGISTIC_SD, softplus};
 use super::pass::{HazardTerm, PixelPass, TermVisitor, visit};
 use super::pixel_events::Spike;

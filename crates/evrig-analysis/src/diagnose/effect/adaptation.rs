@@ -25,7 +25,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::Adaptation,
     parameters: &[log("time_constant_s", [0.05, 20.0]), linear("fraction", [0.0, 0.98], 2e-3)],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |_| [[0.3, 0.05], [1.5, 0.05], [0.1, 0.05]].iter().map(|s| s.to_vec()).collect(),
     stage: 1,
     apply: |v, view| {

@@ -15,7 +15,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::ApsCoupling,
     parameters: &[log("rate_factor", [0.05, 20.0])],
     changes_signal: false,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |e| if e.bursts.is_some() { vec![vec![1.0]] } else { vec![] },
     stage: 3,
     apply: |v, view| view.law.burst_factor = v[0],

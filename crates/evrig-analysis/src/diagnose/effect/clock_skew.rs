@@ -20,7 +20,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::ClockSkew,
     parameters: &[linear("skew_ppm", [-50_000.0, 50_000.0], 2.0)],
     changes_signal: false,
-    ordinary: ordinary_skew_ppm,
+    ordinary: |evidence| [0.0, ordinary_skew_ppm(evidence)],
     starts: |evidence| {
         // Without a measured clock, 24 frames per second may be stamped as 25: 42 000 ppm.
         const UNMEASURED_PPM: [f64; 4] = [5_000.0, 10_000.0, 20_000.0, 42_000.0];

@@ -20,7 +20,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::EventDrop,
     parameters: &[log("fraction", [1e-3, 0.9])],
     changes_signal: false,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |_| vec![vec![0.02], vec![0.15]],
     stage: 3,
     apply: |v, view| view.law.loss = v[0].min(0.95),

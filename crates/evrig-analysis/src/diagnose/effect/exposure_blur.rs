@@ -19,7 +19,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::ExposureBlur,
     parameters: &[log("exposure_us", [1_000.0, 60_000.0])],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |e| if e.facts.from_scene { vec![vec![8_000.0]] } else { vec![] },
     stage: 0,
     apply: |v, view| {

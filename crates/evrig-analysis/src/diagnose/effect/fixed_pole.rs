@@ -1,6 +1,6 @@
 //! A pole behind the photoreceptor with constant bandwidth.
 
-use super::low_pass::{SignalPole, filter};
+use super::low_pass::{SignalPole, fastest_hz, filter};
 use super::{LibraryEffect, ModelTerm, PLAIN, log};
 use evrig_core::effect_id::EffectId;
 
@@ -27,7 +27,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::FixedPole,
     parameters: &[log("cutoff_hz", [0.5, 3_000.0])],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |evidence| [fastest_hz(evidence, 1.0), f64::INFINITY],
     starts: |_| [10.0, 60.0, 400.0].iter().map(|s| vec![*s]).collect(),
     stage: 1,
     apply: |v, view| {

@@ -33,7 +33,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
         linear("cosine", [-0.9, 0.9], 1e-3),
     ],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |e| {
         lines(e, 3)
             .into_iter()

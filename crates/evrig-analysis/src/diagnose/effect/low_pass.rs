@@ -1,7 +1,14 @@
 //! A first-order low pass of the signal.
 
+use crate::diagnose::Evidence;
 use crate::diagnose::model::view::ModelledPixel;
 use std::f64::consts::TAU;
+
+/// Cutoff at white of a pole in proportion to intensity whose delay at some intensity is the bound
+/// on the stated clock offset: a faster one cannot be told from an ordinary delay.
+pub(super) fn fastest_hz(evidence: &Evidence, intensity: f64) -> f64 {
+    1e6 / (TAU * evidence.facts.offset_bound_us * intensity)
+}
 
 /// A first-order low pass, exact for a piecewise linear signal.
 #[derive(Clone, Copy)]

@@ -43,8 +43,8 @@ pub(crate) struct ModelTerm {
     pub(crate) id: EffectId,
     pub(crate) parameters: &'static [ModelParameter],
     pub(crate) changes_signal: bool,
-    /// Magnitude of the first parameter that an ordinary recording has.
-    pub(crate) ordinary: fn(&Evidence) -> f64,
+    /// Range of the magnitude of the first parameter that an ordinary recording has.
+    pub(crate) ordinary: fn(&Evidence) -> [f64; 2],
     /// Starting values, natural units.
     pub(crate) starts: fn(&Evidence) -> Vec<Vec<f64>>,
     /// Stage order.

@@ -1,8 +1,11 @@
 //! Photoreceptor bandwidth proportional to intensity.
 
-use super::low_pass::{SignalPole, filter};
+use super::low_pass::{SignalPole, fastest_hz, filter};
 use super::{LibraryEffect, ModelTerm, PLAIN, fixed, log};
 use evrig_core::effect_id::EffectId;
+
+/// Mean reflectance of a scene.
+const GREY: f64 = 0.18;
 
 pub(super) static EFFECT: LibraryEffect = LibraryEffect {
     id: EffectId::PhotoreceptorBandwidth,
@@ -35,7 +38,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
         log("floor", [1e-3, 0.3]),
     ],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |evidence| [fastest_hz(evidence, GREY), f64::INFINITY],
     starts: |_| {
         [[20.0, 1.0, 0.01], [80.0, 1.0, 0.01], [400.0, 1.0, 0.01], [80.0, 2.0, 0.01]]
             .iter()

@@ -40,7 +40,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
         fixed("retake"),
     ],
     changes_signal: false,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |evidence| {
         // The next crossing takes time after the period, so that the shortest intervals bound it.
         let mut all = intervals(evidence);

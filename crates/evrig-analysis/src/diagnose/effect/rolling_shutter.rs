@@ -18,7 +18,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::RollingShutter,
     parameters: &[linear("row_us", [-200.0, 200.0], 0.1)],
     changes_signal: false,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |_| vec![vec![1.0], vec![-1.0]],
     stage: 4,
     apply: |v, view| view.start_us += v[0] * (f64::from(view.y) + 0.5 - view.middle[1]),

@@ -29,7 +29,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::ShotNoise,
     parameters: &[log("rms_thresholds", [0.02, 1.5]), log("bandwidth_hz", [1.0, 5_000.0])],
     changes_signal: false,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |_| {
         [[0.08, 100.0], [0.08, 500.0], [0.15, 300.0], [0.25, 300.0]]
             .iter()

@@ -19,7 +19,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
     id: EffectId::TemperatureDrift,
     parameters: &[linear("rate_hz_per_s", [-5.0, 20.0], 5e-3)],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |_| vec![vec![0.1], vec![-0.1]],
     stage: 2,
     apply: |v, view| {

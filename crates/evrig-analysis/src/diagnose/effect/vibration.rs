@@ -29,7 +29,7 @@ pub(super) static TERM: ModelTerm = ModelTerm {
         linear("cosine_y_px", [-2.0, 2.0], 2e-3),
     ],
     changes_signal: true,
-    ordinary: |_| 0.0,
+    ordinary: |_| [0.0; 2],
     starts: |e| {
         if !e.facts.from_scene {
             return vec![];

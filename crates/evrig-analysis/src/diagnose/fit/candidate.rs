@@ -109,7 +109,8 @@ impl EffectCandidate {
         let value = model.values[model.offset_of(model.effects.len() - 1)];
         let [low, high] = effect.parameters[0].fitted_range();
         let natural = effect.parameters[0].natural(value);
-        value <= low || value >= high || natural.abs() <= (effect.ordinary)(evidence)
+        let [least, most] = (effect.ordinary)(evidence);
+        value <= low || value >= high || (least..=most).contains(&natural.abs())
     }
 
     /// Whether a held-out gain with its standard error suffices for a name.
