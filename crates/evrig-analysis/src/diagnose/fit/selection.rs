@@ -31,7 +31,7 @@ const N_PROFILE_STEPS: usize = 8;
 
 /// Pixels of the first calibration, and of every other coarse fit; all pixels refine it.
 const N_START_PIXELS: usize = 30;
-const N_COARSE_PIXELS: usize = 60;
+const N_COARSE_PIXELS: usize = 40;
 
 /// Gain of a scanned effect in nats below which no fit is tried.
 const MIN_SCAN_GAIN_NATS: f64 = 3.0;
@@ -168,7 +168,7 @@ struct CoarsePixels {
 
 impl CoarsePixels {
     fn of(evidence: &Evidence) -> Self {
-        let n = (evidence.pixels.len() / N_COARSE_PIXELS).max(1);
+        let n = evidence.pixels.len().div_ceil(N_COARSE_PIXELS);
         let part = evidence.thinned(n);
         Self { n, start: wide_start(&part), evidence: part }
     }
