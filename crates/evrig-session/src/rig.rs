@@ -203,7 +203,9 @@ mod tests {
             .replace("tag_side_mm =", "tag_width_mm =");
         let error = Rig::parse("sim.toml", &text).unwrap_err();
         let message = error.to_string();
-        for part in ["-8 is outside", "did you mean `j4_deg`", "`tag_side_mm` is missing"] {
+        for part in
+            ["-8 is outside", "`j4_deg` is missing", "it has `j4_degr`", "`tag_side_mm` is missing"]
+        {
             assert!(message.contains(part), "`{part}` is not in: {message}");
         }
     }

@@ -71,7 +71,7 @@ mod tests {
         let drawn = draw(&[bar(0.4), bar(0.1), bar(-1.0)]);
         let svg = drawn.wide();
         assert!(svg.contains("width=\"402\"") && svg.contains("width=\"100.5\""), "{svg}");
-        assert!(svg.contains("width=\"1\"") && svg.contains(">-1.0<"), "{svg}");
+        assert!(svg.contains("width=\"1\"") && svg.contains(">\u{2212}1.0<"), "{svg}");
     }
 
     #[test]
