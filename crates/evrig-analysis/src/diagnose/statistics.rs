@@ -11,29 +11,27 @@ mod row_readout;
 use crate::diagnose::evidence::frame_bursts::FrameBursts;
 use crate::diagnose::{Departure, Evidence};
 use evrig_core::effect_id::EffectId;
+use std::borrow::Cow;
 
 pub(crate) use isolated_events::IsolatedEventDeficit;
 
 /// Findings of the sensor-wide statistics, and the evidence without what they explain.
-pub(crate) struct SensorWideStatistics {
+pub(crate) struct SensorWideStatistics<'a> {
     pub(crate) departures: Vec<Departure>,
     /// Without hot pixels, and with the bursts that follow frames.
-    pub(crate) evidence: Evidence,
+    pub(crate) evidence: Cow<'a, Evidence>,
     /// Whether the readout determines event times, so that no pixel law can be inferred.
     pub(crate) is_saturated: bool,
     /// Whether isolated events are missing, which no effect of the library explains.
     pub(crate) isolated_events: Option<IsolatedEventDeficit>,
 }
 
-pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistics {
-    let mut rest = evidence.clone();
-    let hot = match hot_pixels::pixels(evidence) {
-        Some((departure, hot)) => {
-            rest.pixels.retain(|pixel| !hot.contains(&(pixel.x, pixel.y)));
-            Some(departure)
-        }
-        None => None,
-    };
+pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistics<'_> {
+    let mut rest = Cow::Borrowed(evidence);
+    let hot = hot_pixels::pixels(evidence).map(|(departure, hot)| {
+        rest.to_mut().pixels.retain(|pixel| !hot.contains(&(pixel.x, pixel.y)));
+        departure
+    });
     let events = evidence.event_context.in_order();
     let (rows, is_held_up) = row_readout::readout(events.as_slice()).unzip();
     let bus = bus_saturation::saturation(events.as_slice().t);
@@ -42,7 +40,7 @@ pub(crate) fn sensor_wide_statistics(evidence: &Evidence) -> SensorWideStatistic
     let dead = dead_pixels::pixels(evidence, events.as_slice());
     let coupling = bursts.as_ref().map(FrameBursts::departure);
     if let Some(bursts) = bursts {
-        rest = rest.with_bursts(bursts);
+        rest = Cow::Owned(rest.into_owned().with_bursts(bursts));
     }
     SensorWideStatistics {
         departures: [hot, dead, coupling, bus, rows].into_iter().flatten().collect(),

@@ -56,6 +56,8 @@ pub(crate) struct EffectSelection {
     pub(crate) steps: Vec<SelectionStep>,
     /// Spread of the thresholds and its 90 % interval.
     pub(crate) spread_ci: [f64; 3],
+    /// Goodness of `fit`.
+    pub(crate) goodness: GoodnessOfFit,
 }
 
 /// A fitted candidate.
@@ -87,7 +89,8 @@ pub(crate) fn select(
         (now, spread_ci) = with_spread(evidence, fit);
         steps.push(step);
     }
-    while steps.len() < max_effects && GoodnessOfFit::of(evidence, &now, seed).is_doubted() {
+    let mut goodness = GoodnessOfFit::of(evidence, &now, seed);
+    while steps.len() < max_effects && goodness.is_doubted() {
         progress("effects");
         let Some((step, fit)) =
             accepted(evidence, &coarse, best_candidates(evidence, &coarse, &now))
@@ -97,9 +100,14 @@ pub(crate) fn select(
         progress(&format!("{} is accepted", step.id));
         (now, spread_ci) = with_spread(evidence, fit);
         steps.push(step);
+        goodness = GoodnessOfFit::of(evidence, &now, seed);
     }
+    let n_accepted = steps.len();
     let (fit, steps) = without_replaced(evidence, &coarse, now, steps);
-    EffectSelection { calibrated, fit, steps, spread_ci }
+    if steps.len() < n_accepted {
+        goodness = GoodnessOfFit::of(evidence, &fit, seed);
+    }
+    EffectSelection { calibrated, fit, steps, spread_ci, goodness }
 }
 
 /// The bursts that follow the camera's own frames, where they account for held-out events.

@@ -54,7 +54,7 @@ pub fn diagnose(
     progress: &mut dyn FnMut(&str),
 ) -> DiagnosisResult {
     let sensor = sensor_wide_statistics(evidence);
-    let evidence = &sensor.evidence;
+    let evidence = sensor.evidence.as_ref();
     let max_effects = if sensor.is_saturated { 0 } else { options.max_effects };
     let found = select(evidence, max_effects, options.seed, progress);
     progress("errors");
@@ -66,14 +66,16 @@ pub fn diagnose(
 fn conclude(
     evidence: &Evidence,
     departures: &[Departure],
-    sensor: &SensorWideStatistics,
+    sensor: &SensorWideStatistics<'_>,
     findings: Findings,
     found: &EffectSelection,
     seed: u64,
 ) -> DiagnosisResult {
     let Findings { effects: named, baseline, errors } = findings;
-    let [mut before, mut after] =
-        [&baseline, &found.fit].map(|f| GoodnessOfFit::of(evidence, f, seed));
+    let mut after = found.goodness.clone();
+    // Without an effect both models are one.
+    let mut before =
+        if named.is_empty() { after.clone() } else { GoodnessOfFit::of(evidence, &baseline, seed) };
     let (stated, gains) = gains(evidence, departures, &baseline);
     // Departures of the frames are part of what is explained, against the signal as stated.
     let low = held_out(evidence, &stated.as_ref().unwrap_or(&baseline).evaluation);

@@ -13,6 +13,7 @@ pub(crate) const N_HISTOGRAM_BINS: usize = 10;
 const MIN_EVENTS_PER_STRATUM: usize = 60;
 
 /// A residual with its cell.
+#[derive(Debug, Clone)]
 pub(crate) struct LocatedResidual {
     pub(crate) residual: Residual,
     pub(crate) cell: usize,

@@ -16,6 +16,7 @@ use evrig_core::stats::SplitMix;
 use rayon::prelude::*;
 
 /// Goodness of fit of a model.
+#[derive(Debug, Clone)]
 pub(crate) struct GoodnessOfFit {
     residuals: Vec<LocatedResidual>,
     pub(crate) by_pixel: ModelResiduals,
