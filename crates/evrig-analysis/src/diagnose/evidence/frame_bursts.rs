@@ -6,7 +6,7 @@ use crate::diagnose::{ConfidenceInterval, Departure};
 use crate::predict::BurstWindow;
 use evrig_core::effect_id::EffectId;
 use evrig_core::geometry::Size;
-use evrig_core::stats::{Estimate, Z90};
+use evrig_core::stats::Estimate;
 use std::sync::Arc;
 
 /// The bursts of a recording.
@@ -80,11 +80,8 @@ impl FrameBursts {
 
     /// The same with 90 % intervals.
     pub(crate) fn parameters(&self) -> Vec<(&'static str, ConfidenceInterval)> {
-        let with_ends = |(key, [value, error]): (&'static str, [f64; 2])| {
-            let ci90 = [-Z90, Z90].map(|z| Some(value + z * error).filter(|v| v.is_finite()));
-            (key, ConfidenceInterval { value, ci90 })
-        };
-        self.estimates().into_iter().map(with_ends).collect()
+        let estimates = self.estimates().into_iter();
+        estimates.map(|(key, estimate)| (key, ConfidenceInterval::normal(estimate))).collect()
     }
 
     fn description(&self) -> String {

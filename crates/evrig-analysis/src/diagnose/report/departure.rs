@@ -9,7 +9,6 @@ use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit, paired_gain};
 use crate::diagnose::{ConfidenceInterval, Evidence, FittedEffect};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
-use evrig_core::stats::Z90;
 use rayon::prelude::*;
 use statrs::function::erf::erfc;
 use std::collections::BTreeMap;
@@ -85,9 +84,8 @@ pub(crate) fn upper_tail_probability(z: f64) -> f64 {
 }
 
 pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
-    let interval = |&(key, [value, error]): &(&'static str, [f64; 2])| {
-        let ci90 = [Some(value - Z90 * error), Some(value + Z90 * error)];
-        (key.to_owned(), ConfidenceInterval { value, ci90 })
+    let interval = |&(key, estimate): &(&'static str, [f64; 2])| {
+        (key.to_owned(), ConfidenceInterval::normal(estimate))
     };
     let equation = library_effect(departure.id).map_or("", |effect| effect.equation);
     FittedEffect {

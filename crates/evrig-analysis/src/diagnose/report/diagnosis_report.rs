@@ -5,6 +5,7 @@
 
 use super::forward_simulation::ModelComparison;
 use evrig_core::effect_id::EffectId;
+use evrig_core::stats::Z90;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -34,6 +35,14 @@ pub struct ConfidenceInterval {
     pub value: f64,
     /// Ends of the interval; `null` where unknown.
     pub ci90: [Option<f64>; 2],
+}
+
+impl ConfidenceInterval {
+    /// Of a normal error; its ends are unknown where the error is.
+    pub(crate) fn normal([value, error]: [f64; 2]) -> Self {
+        let ci90 = [-Z90, Z90].map(|z| Some(value + z * error).filter(|end| end.is_finite()));
+        Self { value, ci90 }
+    }
 }
 
 /// A stratum of events in which the model misfits.
