@@ -34,8 +34,8 @@ pub use calibrate::{CalibrateRequest, ObjectiveKind, calibrate, read_calibration
 pub use compare::{CompareRequest, ReferenceStream, compare, compare_with, read_comparison};
 pub use conditions::Conditions;
 pub use diagnose::{
-    Baseline, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose, read_camera,
-    read_diagnosis, read_forward_simulation, read_heat,
+    Baseline, BaselineKind, DiagnoseRequest, DiagnosedCamera, default_baseline, diagnose,
+    read_camera, read_diagnosis, read_forward_simulation, read_heat,
 };
 pub use error::PipelineError;
 pub use filter::{

@@ -10,7 +10,7 @@ use evrig::diagnose::DiagnosisOptions;
 use evrig::generate::effect::EffectSet;
 use evrig::generate::input::FramePreparation;
 use evrig::pipeline::{
-    self, Baseline, By, CalibrateRequest, CameraRequest, CompareRequest, Conditions,
+    self, Baseline, BaselineKind, By, CalibrateRequest, CameraRequest, CompareRequest, Conditions,
     DiagnoseRequest, GenerateRequest, ObjectiveKind, PipelineProgress, ProcessRequest, VariantList,
 };
 use evrig::session::{Session, StreamName};
@@ -229,20 +229,18 @@ impl DiagnosisArguments {
     }
 
     fn baseline(&self, session: &Session) -> Result<Baseline, Failure> {
-        let frames = self.frames.as_deref().or_else(|| pipeline::default_light(session));
-        let frames = frames.map(str::to_owned);
-        let found = match (self.baseline.as_deref(), &self.frames) {
-            (Some("scene"), _) => Some(Baseline::Scene),
-            (Some("motion"), _) => frames.map(Baseline::Motion),
-            (Some("frames"), _) => frames.map(Baseline::Frames),
-            (Some(other), _) => {
+        let kind = match self.baseline.as_deref() {
+            None => None,
+            Some("scene") => Some(BaselineKind::Scene),
+            Some("motion") => Some(BaselineKind::Motion),
+            Some("frames") => Some(BaselineKind::Frames),
+            Some(other) => {
                 return Err(Failure::Argument(format!(
                     "baseline: expected \"scene\", \"motion\" or \"frames\", got \"{other}\""
                 )));
             }
-            (None, Some(frames)) => Some(Baseline::Motion(frames.clone())),
-            (None, None) => pipeline::default_baseline(session),
         };
+        let found = Baseline::chosen(session, kind, self.frames.as_deref());
         found.ok_or_else(|| {
             Failure::Session(format!(
                 "{} has neither a scene nor frames on the events' pixel grid; run process(), or \

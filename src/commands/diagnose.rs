@@ -3,7 +3,7 @@
 use super::progress::ProgressDisplay;
 use super::{Ending, Output};
 use crate::cli::{BaselineChoice, DiagnoseArgs};
-use crate::pipeline::{self, Baseline, DiagnoseRequest, PipelineProgress};
+use crate::pipeline::{self, Baseline, BaselineKind, DiagnoseRequest, PipelineProgress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
 
@@ -32,16 +32,12 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
 
 /// The baseline of the command line, or the default of the session.
 fn baseline(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Baseline> {
-    let frames = || args.from.as_deref().or_else(|| pipeline::default_light(session));
-    let found = match args.baseline {
-        Some(BaselineChoice::Scene) => Some(Baseline::Scene),
-        Some(BaselineChoice::Motion) => frames().map(|light| Baseline::Motion(light.to_owned())),
-        Some(BaselineChoice::Frames) => frames().map(|light| Baseline::Frames(light.to_owned())),
-        None => match &args.from {
-            Some(light) => Some(Baseline::Motion(light.clone())),
-            None => pipeline::default_baseline(session),
-        },
-    };
+    let kind = args.baseline.map(|choice| match choice {
+        BaselineChoice::Scene => BaselineKind::Scene,
+        BaselineChoice::Motion => BaselineKind::Motion,
+        BaselineChoice::Frames => BaselineKind::Frames,
+    });
+    let found = Baseline::chosen(session, kind, args.from.as_deref());
     found.ok_or_else(|| {
         anyhow::anyhow!(
             "{} has neither a scene nor frames on the events' pixel grid; \

@@ -7,7 +7,7 @@ mod departures;
 
 use super::{Freshness, PipelineError, clear, fresh_record, inputs, read_json};
 use baseline::BaselineLight;
-pub use baseline::{Baseline, default_baseline};
+pub use baseline::{Baseline, BaselineKind, default_baseline};
 use camera::{CAMERA, CAMERA_SCHEMA};
 pub use camera::{DiagnosedCamera, read_camera};
 use evrig_analysis::diagnose::{

@@ -24,6 +24,17 @@ pub enum Baseline {
     Frames(String),
 }
 
+/// A kind of source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BaselineKind {
+    /// See [`Baseline::Scene`].
+    Scene,
+    /// See [`Baseline::Motion`].
+    Motion,
+    /// See [`Baseline::Frames`].
+    Frames,
+}
+
 /// The scene if the session has one, else the frames that a generation would use.
 #[must_use]
 pub fn default_baseline(session: &Session) -> Option<Baseline> {
@@ -38,6 +49,23 @@ pub fn default_baseline(session: &Session) -> Option<Baseline> {
 }
 
 impl Baseline {
+    /// Of a kind, or the session's default; from a frame stream, or those that a generation would
+    /// use. `None` where the session has neither scene nor frames.
+    #[must_use]
+    pub fn chosen(
+        session: &Session,
+        kind: Option<BaselineKind>,
+        from: Option<&str>,
+    ) -> Option<Self> {
+        let frames = || from.or_else(|| default_light(session)).map(str::to_owned);
+        match (kind, from) {
+            (Some(BaselineKind::Scene), _) => Some(Self::Scene),
+            (Some(BaselineKind::Motion), _) | (None, Some(_)) => frames().map(Self::Motion),
+            (Some(BaselineKind::Frames), _) => frames().map(Self::Frames),
+            (None, None) => default_baseline(session),
+        }
+    }
+
     /// Name of the frame stream, or `scene`.
     #[must_use]
     pub fn from(&self) -> &str {
