@@ -139,9 +139,9 @@ mod tests {
 
     #[test]
     fn long_times_in_sentences_are_in_milliseconds() {
-        let says = "events 22590 to 1277002 us after the pixel's last one come late";
+        let description = "events 22590 to 1277002 us after the pixel's last one come late";
         let read = "events 22.6 to 1280 ms after the pixel's last one come late";
-        assert_eq!(readable_times(says), read);
+        assert_eq!(readable_times(description), read);
         assert_eq!(readable_times("a jitter of 800 us"), "a jitter of 800 us");
         assert_eq!(readable_times("stamps are 4356 us late"), "stamps are 4.36 ms late");
     }

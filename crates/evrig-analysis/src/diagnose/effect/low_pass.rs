@@ -5,7 +5,8 @@ use crate::diagnose::model::view::ModelledPixel;
 use std::f64::consts::TAU;
 
 /// Cutoff at white of a pole in proportion to intensity whose delay at some intensity is the bound
-/// on the stated clock offset: a faster one cannot be told from an ordinary delay.
+/// on the stated clock offset: a faster one cannot be distinguished from an ordinary
+/// delay.
 pub(super) fn fastest_hz(evidence: &Evidence, intensity: f64) -> f64 {
     1e6 / (TAU * evidence.facts.offset_bound_us * intensity)
 }

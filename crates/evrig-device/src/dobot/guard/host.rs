@@ -185,8 +185,8 @@ impl Drop for GuardLink {
             // A heartbeat that panicked has nothing left to say.
             let _ = thread.join();
         }
-        // A `GuardStop` may still hold the pipe open, so the guard is told; one that is gone needs
-        // no order.
+        // A `GuardStop` may still hold the pipe open, so the guard gets an order; one that is gone
+        // needs none.
         if let Some(orders) = self.orders.take() {
             let _ = (&*orders).write_all(END_LINE);
         }
