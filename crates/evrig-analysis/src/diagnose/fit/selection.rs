@@ -29,9 +29,8 @@ const N_SPREAD_ROUNDS: usize = 2;
 const N_START_STEPS: usize = 4;
 const N_PROFILE_STEPS: usize = 8;
 
-/// Pixels of the first calibration, and of every other coarse fit; all pixels refine it.
-const N_START_PIXELS: usize = 30;
-const N_COARSE_PIXELS: usize = 40;
+/// Events of a coarse fit; all pixels refine it.
+const N_COARSE_EVENTS: usize = 4_000;
 
 /// Gain of a scanned effect in nats below which no fit is tried.
 const MIN_SCAN_GAIN_NATS: f64 = 3.0;
@@ -176,7 +175,7 @@ struct CoarsePixels {
 
 impl CoarsePixels {
     fn of(evidence: &Evidence) -> Self {
-        let n = evidence.pixels.len().div_ceil(N_COARSE_PIXELS);
+        let n = (evidence.n_events() / N_COARSE_EVENTS).max(1);
         let part = evidence.thinned(n);
         Self { n, start: wide_start(&part), evidence: part }
     }
@@ -211,17 +210,25 @@ fn refined(evidence: &Evidence, coarse: ModelFit) -> ModelFit {
     fit(evidence, coarse.model.for_pixels(evidence), N_STEPS[1], FitTolerance::Coarse)
 }
 
-/// Constants at their prior means, with the threshold and a wide noise fitted.
-fn wide_start(evidence: &Evidence) -> CameraModel {
+/// Clock offsets from which a start is looked for, in bounds of the stated clock: between sparse
+/// frames the likelihood has several maxima in time.
+const START_OFFSETS: [f64; 3] = [-1.0, 0.0, 1.0];
+
+/// Constants at their prior means, with the threshold, the offset and a wide noise fitted: the best
+/// of several starts.
+fn wide_start(part: &Evidence) -> CameraModel {
     const FITTED: [CameraConstant; 3] =
         [CameraConstant::LogTheta, CameraConstant::LogNoise, CameraConstant::OffsetUs];
-    let part = evidence.thinned(evidence.pixels.len() / N_START_PIXELS);
-    let mut model = CameraModel::baseline(&part);
-    model.values[CameraConstant::LogNoise as usize] = WIDE_NOISE.ln();
     let active = FITTED.map(|constant| constant as usize).to_vec();
-    fit_coordinates(&part, model, active, N_START_STEPS, FitTolerance::Coarse)
-        .model
-        .for_pixels(evidence)
+    let baseline = CameraModel::baseline(part);
+    let fits = START_OFFSETS.map(|offset| {
+        let mut model = baseline.clone();
+        model.values[CameraConstant::LogNoise as usize] = WIDE_NOISE.ln();
+        model.values[CameraConstant::OffsetUs as usize] = offset * part.facts.offset_bound_us;
+        fit_coordinates(part, model, active.clone(), N_START_STEPS, FitTolerance::Coarse)
+    });
+    let best = fits.into_iter().max_by(|a, b| a.training(part).total_cmp(&b.training(part)));
+    best.map_or(baseline, |fit| fit.model)
 }
 
 fn with_spread(evidence: &Evidence, mut now: ModelFit) -> (ModelFit, [f64; 3]) {
