@@ -171,18 +171,9 @@ impl PageServer {
     fn take(&self, path: &str, body: &[u8]) -> bool {
         let n_images = self.images.as_slice().len();
         match path {
-            "/shown" => {
-                let Ok(shown) = serde_json::from_slice::<Shown>(body) else { return false };
-                let current = self.state.borrow().clone();
-                let is_current = shown.sequence <= current.sequence && shown.index == current.index;
-                self.state.send_if_modified(|state| {
-                    if is_current {
-                        state.shown = Some(shown);
-                    }
-                    is_current
-                });
-                true
-            }
+            "/shown" => serde_json::from_slice::<Shown>(body)
+                .map(|shown| self.state.send_if_modified(|state| state.confirm(shown)))
+                .is_ok(),
             "/step" => serde_json::from_slice::<PageStep>(body)
                 .map(|step| self.state.send_modify(|state| state.step(step.by, n_images)))
                 .is_ok(),

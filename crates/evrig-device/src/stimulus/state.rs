@@ -87,6 +87,18 @@ impl StimulusState {
         self.sequence += 1;
     }
 
+    /// Takes what a page confirms; false when it is of another image, or older than what was
+    /// confirmed before: two confirmations of one page can arrive in either order.
+    pub(super) fn confirm(&mut self, shown: Shown) -> bool {
+        let newest = self.shown.as_ref().map_or(0, |newest| newest.sequence);
+        let is_current =
+            shown.index == self.index && (newest..=self.sequence).contains(&shown.sequence);
+        if is_current {
+            self.shown = Some(shown);
+        }
+        is_current
+    }
+
     /// Takes a calibration; false when it cannot be one.
     pub(super) fn calibrate(&mut self, px_per_mm: f64) -> bool {
         let is_sound = PX_PER_MM.contains(&px_per_mm);
@@ -112,6 +124,28 @@ mod tests {
         state.turn_to(1, true);
         state.step(1, 3);
         assert_eq!(state.index, 1);
+    }
+
+    #[test]
+    fn a_late_confirmation_does_not_replace_a_newer_one() {
+        let shown = |sequence, index| Shown {
+            sequence,
+            index,
+            px_per_mm: 4.0,
+            width_px: 900.0,
+            height_px: 700.0,
+            needed_px: [800.0, 600.0],
+            fits: true,
+            device_pixel_ratio: 1.0,
+        };
+        let mut state = StimulusState::new(Some(4.0));
+        state.turn_to(0, true);
+        assert!(state.confirm(shown(2, 0)));
+        assert!(!state.confirm(shown(1, 0)), "older");
+        assert!(!state.confirm(shown(3, 0)), "of a state that was not there yet");
+        assert!(!state.confirm(shown(2, 1)), "another image");
+        assert_eq!(state.shown.as_ref().map(|shown| shown.sequence), Some(2));
+        assert!(state.confirm(shown(2, 0)), "laid out anew");
     }
 
     #[test]
