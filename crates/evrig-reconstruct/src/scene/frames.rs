@@ -2,7 +2,8 @@
 //! motion-compensated.
 
 use super::bilinear::BilinearWeights;
-use super::optical_flow::{FrameFlow, FrameView, best_shift, flow_ends};
+use super::frame_view::FrameView;
+use super::optical_flow::{FrameFlow, best_shift, flow_ends};
 use super::pixel_noise::PixelNoise;
 use super::temporal_denoising::denoise;
 use evrig_core::drive::{Drive, TimeGrid};
@@ -54,11 +55,11 @@ const FLOOR_DN: f64 = 0.5;
 const MAX_ERROR_FRAMES: usize = 256;
 /// Least share of values at the maximum that marks saturation.
 const MIN_SATURATED_SHARE: f64 = 1e-4;
-/// Instants of the motion-compensated curve between two frames, both ends included; linear in
-/// between.
-const FLOW_INSTANTS: usize = 17;
+/// Instants between two frames, both ends included, between which a finely sampled
+/// motion-compensated signal is linear.
+const N_FLOW_NODES: usize = 17;
 /// Tracked points in total, and the range per frame pair: a long recording has fewer in each pair.
-const MAX_TRACKED_POINTS: usize = 300_000;
+const MAX_TRACKED_POINTS: usize = 100_000;
 const POINTS_PER_PAIR: [usize; 2] = [150, 1_500];
 
 /// Log-intensity signal from frames: linear between frames at each pixel, or interpolated along
@@ -150,24 +151,13 @@ impl FramesDrive {
         FrameView { size: self.size, values: &self.values[frame * n..(frame + 1) * n] }
     }
 
-    /// Logarithm of the intensity at a position at evenly spaced instants between two frames; None
-    /// where nothing moves.
-    fn flow_curve(&self, frame: usize, place: [f64; 2]) -> Option<[f32; FLOW_INSTANTS]> {
+    /// The light between two frames along the optical flow; None where nothing moves.
+    fn along_flow(&self, frame: usize, place: [f64; 2]) -> Option<AlongFlow<'_>> {
         let flow = self.flows.get(frame)?;
         let place = [place[0] - 0.5, place[1] - 0.5].map(|p| p as f32);
-        let shifts = flow.candidates(place);
-        shifts.clone().next()?;
-        let views = [self.view(frame), self.view(frame + 1)];
-        let noise = self.frame_noise().at(views[0].at(place));
-        Some(std::array::from_fn(|i| {
-            let share = i as f32 / (FLOW_INSTANTS - 1) as f32;
-            let shift = best_shift(views, place, share, shifts.clone(), noise);
-            let [from, to] = flow_ends(place, share, shift);
-            let log_intensity =
-                |k: usize, end| self.log_intensity(frame + k, &views[k].corners(end));
-            let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
-            before + (after - before) * share
-        }))
+        flow.candidates(place).next()?;
+        let noise = self.frame_noise().at(self.view(frame).at(place));
+        Some(AlongFlow { drive: self, flow, frame, place, noise, nodes: [None; N_FLOW_NODES] })
     }
 
     /// Times of the frames' first rows, microseconds.
@@ -203,11 +193,40 @@ impl FramesDrive {
     }
 }
 
-/// Linear between evenly spaced values.
-fn interpolate(values: &[f32; FLOW_INSTANTS], share: f32) -> f32 {
-    let at = share * (FLOW_INSTANTS - 1) as f32;
-    let i = (at as usize).min(FLOW_INSTANTS - 2);
-    values[i] + (values[i + 1] - values[i]) * (at - i as f32)
+/// The light at a position between two frames, along the optical flow.
+struct AlongFlow<'a> {
+    drive: &'a FramesDrive,
+    flow: &'a FrameFlow,
+    frame: usize,
+    place: [f32; 2],
+    noise: f32,
+    nodes: [Option<f32>; N_FLOW_NODES],
+}
+
+impl AlongFlow<'_> {
+    /// Logarithm of the intensity a share of the way from the earlier frame to the later.
+    fn at(&self, share: f32) -> f32 {
+        let views = [self.drive.view(self.frame), self.drive.view(self.frame + 1)];
+        let shifts = self.flow.candidates(self.place);
+        let shift = best_shift(views, self.place, share, shifts, self.noise);
+        let [from, to] = flow_ends(self.place, share, shift);
+        let log_intensity =
+            |k: usize, end| self.drive.log_intensity(self.frame + k, &views[k].corners(end));
+        let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
+        before + (after - before) * share
+    }
+
+    /// The same, linear between nodes that are evaluated once.
+    fn between_nodes(&mut self, share: f32) -> f32 {
+        let last = N_FLOW_NODES - 1;
+        let at = share * last as f32;
+        let i = (at as usize).min(last - 1);
+        let [a, b] = [i, i + 1].map(|i| match self.nodes[i] {
+            Some(value) => value,
+            None => *self.nodes[i].insert(self.at(i as f32 / last as f32)),
+        });
+        a + (b - a) * (at - i as f32)
+    }
 }
 
 fn check_order(before_us: &[i64], frame: &Luminance, expected: Size) -> Result<(), FramesError> {
@@ -252,20 +271,23 @@ impl Drive for FramesDrive {
         let (mut frame, mut any) = (0, false);
         let (mut before, mut after) =
             (self.log_intensity(0, &corners), self.log_intensity(1, &corners));
-        let mut flow_curve = self.flow_curve(0, place);
+        let mut along_flow = self.along_flow(0, place);
         for (i, out) in out.iter_mut().enumerate().take(grid.n) {
             let t_us = grid.at(i) as f64 - row_delay_us;
             while frame + 1 < last && t_us >= self.times_us[frame + 1] as f64 {
                 frame += 1;
                 (before, after) = (after, self.log_intensity(frame + 1, &corners));
-                flow_curve = self.flow_curve(frame, place);
+                along_flow = self.along_flow(frame, place);
             }
             let (t0, t1) = (self.times_us[frame] as f64, self.times_us[frame + 1] as f64);
             if (t0..=t1).contains(&t_us) {
                 let share = ((t_us - t0) / (t1 - t0)) as f32;
-                *out = flow_curve.map_or(before + (after - before) * share, |flow_curve| {
-                    interpolate(&flow_curve, share)
-                });
+                let is_fine = f64::from(grid.step_us) * (N_FLOW_NODES as f64) < t1 - t0;
+                *out = match &mut along_flow {
+                    None => before + (after - before) * share,
+                    Some(along_flow) if is_fine => along_flow.between_nodes(share),
+                    Some(along_flow) => along_flow.at(share),
+                };
                 any |= out.is_finite();
             }
         }

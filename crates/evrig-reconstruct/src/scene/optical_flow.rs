@@ -4,10 +4,11 @@
 //! 2000). Their displacements are clustered into candidates for each neighbourhood. At a position
 //! and instant the candidate, or no motion, whose patches agree best in both frames is used.
 
-use super::bilinear::BilinearWeights;
+use super::frame_view::FrameView;
+use super::patch::patch_difference;
 use super::pixel_noise::PixelNoise;
 use evrig_core::geometry::Size;
-use kornia_image::{Image, ImageError, ImageSize};
+use kornia_image::{Image, ImageSize};
 use kornia_imgproc::optical_flow_pyr_lk::{
     PyrLKError, PyrLKParams, PyrLKPrecomputed, build_lk_precomputed,
     calc_optical_flow_pyr_lk_with_precomputed,
@@ -29,41 +30,9 @@ const MERGE_PX: f32 = 0.5;
 const MAX_SHIFTS: usize = 255;
 /// Side of a cell with its own list of candidates, pixels.
 const CELL_PX: usize = 16;
-/// Half the side of a compared patch, pixels.
-const PATCH_HALF_PX: isize = 2;
 const MAX_LEVELS: usize = 3;
 /// Side of the tracking window; no pyramid level is smaller.
 const WINDOW_PX: usize = 21;
-
-/// A frame's intensities, row-major.
-#[derive(Clone, Copy)]
-pub(super) struct FrameView<'a> {
-    pub(super) size: Size,
-    pub(super) values: &'a [f32],
-}
-
-impl FrameView<'_> {
-    const fn width(&self) -> usize {
-        self.size.width as usize
-    }
-
-    const fn height(&self) -> usize {
-        self.size.height as usize
-    }
-
-    /// Bilinear weights at a position in pixels from the centre of the first.
-    pub(super) fn corners(&self, place: [f32; 2]) -> BilinearWeights {
-        BilinearWeights::at([self.width(), self.height()], place)
-    }
-
-    pub(super) fn at(&self, place: [f32; 2]) -> f32 {
-        self.corners(place).value(self.values)
-    }
-
-    fn image(&self) -> Result<Image<f32, 1>, ImageError> {
-        Image::new(ImageSize { width: self.width(), height: self.height() }, self.values.to_vec())
-    }
-}
 
 /// Candidate displacements between two frames.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -185,28 +154,6 @@ pub(super) fn flow_ends(place: [f32; 2], share: f32, shift: [f32; 2]) -> [[f32; 
     ]
 }
 
-/// Mean absolute difference of two patches if it is below `most`; most candidates are rejected
-/// after the first rows.
-fn patch_difference(
-    before: FrameView<'_>,
-    after: FrameView<'_>,
-    [from, to]: [[f32; 2]; 2],
-    most: f32,
-) -> Option<f32> {
-    let n = (2 * PATCH_HALF_PX + 1) * (2 * PATCH_HALF_PX + 1);
-    let mut sum = 0.0;
-    for dy in -PATCH_HALF_PX..=PATCH_HALF_PX {
-        for dx in -PATCH_HALF_PX..=PATCH_HALF_PX {
-            let near = |[x, y]: [f32; 2]| [x + dx as f32, y + dy as f32];
-            sum += (before.at(near(from)) - after.at(near(to))).abs();
-        }
-        if sum >= most * n as f32 {
-            return None;
-        }
-    }
-    Some(sum / n as f32)
-}
-
 /// Grid points near pixels that differ between two frames.
 fn changed_points(
     before: FrameView<'_>,
@@ -254,7 +201,11 @@ fn track_points(
     let least = before.width().min(before.height());
     let max_level = (1..=MAX_LEVELS).take_while(|level| least >> level > WINDOW_PX).count();
     let parameters = PyrLKParams { max_level, min_eigen_threshold: 1e-5, ..PyrLKParams::default() };
-    let [before, after] = [before.image()?, after.image()?];
+    let image = |view: FrameView<'_>| {
+        let size = ImageSize { width: view.width(), height: view.height() };
+        Image::<f32, 1>::new(size, view.values.to_vec())
+    };
+    let [before, after] = [image(before)?, image(after)?];
     let follow = |from: &Image<f32, 1>, to: &Image<f32, 1>| {
         let pyramids: PyrLKPrecomputed = build_lk_precomputed(from, to, max_level)?;
         let found =
