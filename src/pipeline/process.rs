@@ -157,7 +157,7 @@ impl ProcessRun<'_> {
         if is_calibrated && !choice.is_given() {
             let parameters = choice.or_preset("tuned").parameters_on(session, signal)?;
             // Published constants that predict better are kept; their events are there already.
-            if parameters != streams[0].1 {
+            if parameters.model != streams[0].1.model {
                 streams.push((format!("{signal}-tuned"), parameters));
             }
         }

@@ -50,6 +50,9 @@ fn a_real_recording_is_processed_to_a_report() {
     let tuned =
         json(evrig().args(["generate", "--k", "@calibrated", "--name", "own"]).arg(&session));
     assert_eq!(tuned["parameters"]["model"]["k"], fresh["k"], "{tuned}");
+    // Events of constants that were kept are not generated twice.
+    let is_tuned = calibrated["result"]["from"] != "published";
+    assert_eq!(session.join("derived/generate-aps-tuned").exists(), is_tuned, "{processed}");
 
     let comparison = json(evrig().arg("compare").arg(&session));
     let measures = comparison["comparisons"][0]["measures"].as_array().unwrap();

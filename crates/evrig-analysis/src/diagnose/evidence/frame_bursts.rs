@@ -53,9 +53,14 @@ impl FrameBursts {
             id: EffectId::ApsCoupling,
             parameters: self.estimates(),
             description: self.description(),
-            z: self.found.bursts.iter().map(|burst| burst.z).fold(0.0, f64::max),
+            z: self.z(),
             without: None,
         }
+    }
+
+    /// Standard scores of the most significant burst.
+    pub(crate) fn z(&self) -> f64 {
+        self.found.bursts.iter().map(|burst| burst.z).fold(0.0, f64::max)
     }
 
     /// Share of the pixels that fire after a frame's start, and the line of the largest burst, with

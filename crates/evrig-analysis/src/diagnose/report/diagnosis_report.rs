@@ -106,7 +106,8 @@ pub struct FittedEffect {
     pub heldout_gain_nats_per_event: f64,
     /// Standard error of the gain.
     pub heldout_gain_error: f64,
-    /// Chance of such a gain without the effect, Bonferroni-corrected for the size of the library.
+    /// Chance of such a gain without the effect, Bonferroni-corrected for the size of the library;
+    /// of such bursts without the effect, where they follow the camera's frames.
     pub p_value: f64,
     /// Effects that are not significantly worse in its place, or that events alone cannot separate.
     #[serde(alias = "equivalent")]

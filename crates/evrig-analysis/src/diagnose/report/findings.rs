@@ -115,6 +115,11 @@ fn accepted(
         ),
         EffectCandidate::Freed(_) => constant_effect(evidence, found, errors, step.id, gain),
     };
+    // All events of the sensor established the bursts, before any model.
+    let bursts = evidence.bursts.as_ref().filter(|_| step.id == EffectId::ApsCoupling);
+    if let Some(bursts) = bursts {
+        effect.p_value = upper_tail_probability(bursts.z());
+    }
     effect.competing_hypotheses = step
         .others
         .iter()
