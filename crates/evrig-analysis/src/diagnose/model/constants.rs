@@ -114,7 +114,8 @@ impl CameraConstant {
             Self::LogNoise => of(0.06_f64.ln(), 0.8, [f64::NEG_INFINITY, max_noise.ln()], 2e-3),
             Self::NoiseExponent => of(0.3, 0.3, ANY, 2e-3),
             Self::LogitRest => of(-0.4, 1.0, ANY, 5e-3),
-            Self::LogNoiseRate => of(60.0_f64.ln(), 1.0, ANY, 5e-3),
+            // Noise that moves within the microsecond of the stamps is a threshold of its own.
+            Self::LogNoiseRate => of(60.0_f64.ln(), 1.0, [f64::NEG_INFINITY, 1e6_f64.ln()], 5e-3),
             Self::LogitStored => of(-0.5, 1.5, ANY, 5e-3),
             Self::LogBackgroundOn | Self::LogBackgroundOff => {
                 of(0.02_f64.ln(), 1.5, [f64::NEG_INFINITY, 0.12_f64.ln()], 1e-2)

@@ -1,6 +1,7 @@
 //! From a selection of effects to the reported diagnosis.
 
 use crate::diagnose::effect::library_effect;
+use crate::diagnose::fit::intervals::standard_errors;
 use crate::diagnose::fit::optimizer::ModelFit;
 use crate::diagnose::fit::selection::{EffectSelection, held_out, select};
 use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
@@ -60,34 +61,84 @@ pub fn diagnose(
     progress("errors");
     let findings = Findings::of(evidence, &found);
     progress("two-sample test");
-    conclude(evidence, departures, &sensor, findings, &found, options.seed)
+    // Without an effect both models are one.
+    let before = if findings.effects.is_empty() {
+        found.goodness.clone()
+    } else {
+        GoodnessOfFit::of(evidence, &findings.baseline, options.seed)
+    };
+    let all = ModelScores::of(evidence, departures, &findings.baseline, &before, &found);
+    let verdict = verdict(findings.effects.is_empty(), all.share_removed(), &found.goodness);
+    if verdict.names_effects() || findings.effects.is_empty() {
+        return conclude(evidence, &sensor, departures, findings, &found, (all, verdict, before));
+    }
+    // What is not named is not in the final model either.
+    let Findings { effects, baseline, .. } = findings;
+    let found = EffectSelection {
+        fit: baseline.clone(),
+        steps: Vec::new(),
+        goodness: before.clone(),
+        ..found
+    };
+    let errors = standard_errors(evidence, &baseline);
+    let bare = ModelScores::of(evidence, departures, &baseline, &before, &found);
+    let findings = Findings { effects: Vec::new(), baseline, errors };
+    let mut result =
+        conclude(evidence, &sensor, departures, findings, &found, (bare, verdict, before));
+    result.diagnosis.rejected_effects = effects.into_iter().map(rejected_effect).collect();
+    result
+}
+
+/// Held-out log-likelihoods, nats per event.
+struct ModelScores {
+    /// Of the baseline with the signal as stated, and of the final model.
+    low: f64,
+    high: f64,
+    upper_bound: f64,
+    /// What the final model leaves.
+    left: f64,
+    /// Gains of the departures and their errors.
+    departures: Vec<(f64, f64)>,
+}
+
+impl ModelScores {
+    fn of(
+        evidence: &Evidence,
+        departures: &[Departure],
+        baseline: &ModelFit,
+        before: &GoodnessOfFit,
+        found: &EffectSelection,
+    ) -> Self {
+        let (stated, gains) = gains(evidence, departures, baseline);
+        // Departures of the frames are part of what is explained, against the signal as stated.
+        let low = held_out(evidence, &stated.as_ref().unwrap_or(baseline).evaluation);
+        let high = held_out(evidence, &found.fit.evaluation);
+        let after = &found.goodness;
+        let upper_bound = (low + before.recalibration.gain)
+            .max(high + after.recalibration.gain.max(0.0))
+            .max(high);
+        Self { low, high, upper_bound, left: after.misfit(), departures: gains }
+    }
+
+    fn share_removed(&self) -> Option<f64> {
+        let removed = (self.high - self.low).max(0.0);
+        let all = removed + self.left;
+        (all > NEGLIGIBLE_NATS_PER_EVENT).then(|| removed / all)
+    }
 }
 
 fn conclude(
     evidence: &Evidence,
-    departures: &[Departure],
     sensor: &SensorWideStatistics<'_>,
+    departures: &[Departure],
     findings: Findings,
     found: &EffectSelection,
-    seed: u64,
+    (scored, verdict, mut before): (ModelScores, DiagnosisVerdict, GoodnessOfFit),
 ) -> DiagnosisResult {
     let Findings { effects: named, baseline, errors } = findings;
     let mut after = found.goodness.clone();
-    // Without an effect both models are one.
-    let mut before =
-        if named.is_empty() { after.clone() } else { GoodnessOfFit::of(evidence, &baseline, seed) };
-    let (stated, gains) = gains(evidence, departures, &baseline);
-    // Departures of the frames are part of what is explained, against the signal as stated.
-    let low = held_out(evidence, &stated.as_ref().unwrap_or(&baseline).evaluation);
-    let high = held_out(evidence, &found.fit.evaluation);
-    let upper_bound =
-        (low + before.recalibration.gain).max(high + after.recalibration.gain.max(0.0)).max(high);
-    let excess = upper_bound - low;
-    let (removed, left) = ((high - low).max(0.0), after.misfit());
-    let share = (removed + left > NEGLIGIBLE_NATS_PER_EVENT).then(|| removed / (removed + left));
-    let verdict = verdict(named.is_empty(), share, &after);
-    let (named, rejected) =
-        if verdict.names_effects() { (named, Vec::new()) } else { (Vec::new(), named) };
+    let share = scored.share_removed();
+    let ModelScores { low, high, upper_bound, departures: gains, .. } = scored;
     let of_events = sensor.departures.iter().map(|departure| (departure, (0.0, 0.0)));
     let effects = with_departures(departures.iter().zip(gains).chain(of_events), named);
     let deficit = sensor.isolated_events.as_ref();
@@ -105,7 +156,7 @@ fn conclude(
         schema: DIAGNOSIS_SCHEMA.into(),
         verdict,
         mismatch: BaselineMismatch {
-            excess_nats_per_event: excess,
+            excess_nats_per_event: upper_bound - low,
             p_value: p_value(&before),
             strata: strata(&before),
         },
@@ -123,7 +174,7 @@ fn conclude(
             .map(|deficit| deficit.term.clone())
             .or_else(|| after.structure.as_ref().and_then(StructureTest::hazard_term)),
         cannot_judge: cannot_judge(evidence, sensor.is_saturated),
-        rejected_effects: rejected.into_iter().map(rejected_effect).collect(),
+        rejected_effects: Vec::new(),
         stamp_step_us: evidence.facts.stamp_step_us,
         structure: structure_report(&before, &after),
         n_pixels: evidence.pixels.len(),
