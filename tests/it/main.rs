@@ -26,6 +26,7 @@ mod aedat4_dv;
 mod camera_report;
 mod dataset;
 mod export;
+mod external_simulators;
 mod fuzz_corpus;
 mod generate_input;
 mod hdf5_python;
