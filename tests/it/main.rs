@@ -34,6 +34,7 @@ mod import_frames;
 mod import_raw2event;
 mod import_recordings;
 mod main_job;
+mod paper_table;
 mod prove;
 mod published_layout;
 mod report_page;
