@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 /// Duration of an image, µs.
 const IMAGE_US: i64 = 10_000;
-/// Images of a time block: 160 in all bound the work, 2 % of a comparison of a minute.
+/// Images of a time block, a budget of work: 160 in all for a recording of any length.
 const MAX_IMAGES_PER_BLOCK: i64 = 4;
 /// Signed events that are fully white or black.
 const FULL_SCALE: i32 = 2;
