@@ -22,6 +22,7 @@ mod index;
 mod lock;
 mod outcome;
 mod page;
+mod paper_table;
 mod results;
 mod run;
 mod slurm;
@@ -38,6 +39,7 @@ pub use outcome::{
     LeftOut, OutcomeKind, SessionOutcome, clear_outcome, read_outcome, write_outcome,
 };
 pub use page::{comparison_page, dataset_page};
+pub use paper_table::{PaperTableRequest, write_paper_table};
 pub use results::{dataset_report, read_splits, write_comparison, write_results};
 pub use run::{BatchProgress, OnProgress, process_dataset, process_session};
 pub use slurm::{JobState, Resources, Slurm, SlurmJob, read_job};

@@ -43,8 +43,8 @@ pub use filter::{
     picture_events, read_filter_tally, stream_grid, track_for,
 };
 pub use generate::{
-    By, CameraRequest, GenerateRequest, GenerateTally, Generated, GenerationSpeed, generate,
-    generate_diagnosed,
+    By, CameraRequest, ExternalRequest, ExternalSimulator, GenerateRequest, GenerateTally,
+    Generated, GenerationSpeed, generate, generate_diagnosed, generate_external,
 };
 pub use model_choice::ModelChoice;
 pub use process::{ProcessRequest, ProcessStep, Processed, SkippedStage, StageResult, process};
@@ -61,7 +61,7 @@ pub use sync::{SyncTally, Synced, read_clocks, sync};
 pub use track::{
     AnyTrack, TrackRequest, TrackSummary, Tracked, read_summary, read_track, track, tracked,
 };
-pub use variants::{VariantList, VariantResult, VariantResults, variants};
+pub use variants::{VariantList, VariantRequest, VariantResult, VariantResults, variants};
 
 use evrig_core::stats::read_back;
 use evrig_session::{StageRecord, read_stage};

@@ -15,6 +15,12 @@ pub fn set_program(path: PathBuf) {
     let _ = HOSTED.set(path);
 }
 
+/// Whether the library runs inside another program, which handles signals itself.
+#[must_use]
+pub fn is_hosted() -> bool {
+    HOSTED.get().is_some()
+}
+
 /// The program `evrig`.
 ///
 /// # Errors

@@ -41,6 +41,9 @@ pub struct MeasureMean {
     pub measure: String,
     /// Its name for people.
     pub name: String,
+    /// Unit of its value; "1" for a pure number.
+    #[serde(default)]
+    pub unit: String,
     /// Mean over the sessions, with the error of a bootstrap over them; `n` is their number.
     pub mean: Estimate,
     /// Median over the sessions.
@@ -87,6 +90,7 @@ pub struct Aggregate {
 struct MeasureFacts {
     id: String,
     name: String,
+    unit: String,
     healthy: Option<[f64; 2]>,
 }
 
@@ -153,8 +157,8 @@ fn of_session(
             let id = serde_json::to_value(measure.id).unwrap_or_default();
             let id = id.as_str().unwrap_or_default().to_owned();
             if !facts.iter().any(|known| known.id == id) {
-                let (name, healthy) = (measure.name.to_string(), measure.healthy);
-                facts.push(MeasureFacts { id: id.clone(), name, healthy });
+                let (name, unit) = (measure.name.to_string(), measure.unit.to_string());
+                facts.push(MeasureFacts { id: id.clone(), name, unit, healthy: measure.healthy });
             }
             values.push(SessionValue {
                 session: key.to_owned(),
@@ -181,6 +185,7 @@ fn variant(name: &str, values: &[SessionValue], facts: &[MeasureFacts], seed: u6
         MeasureMean {
             measure: facts.id.clone(),
             name: facts.name.clone(),
+            unit: facts.unit.clone(),
             mean: mean(&known, seed),
             median: median(known.iter().copied()).unwrap_or(f64::NAN),
             n_healthy: of_measure.filter(|value| value.is_healthy == Some(true)).count() as u64,
@@ -230,39 +235,50 @@ impl Aggregate {
             variant.cells.iter().map(|cell| {
                 let Estimate { value, standard_error, ci90, n } = cell.mean;
                 let numbers = [value, standard_error, ci90[0], ci90[1], cell.median].map(plain);
-                let numbers = numbers.join(",");
-                let (name, healthy) = (&variant.name, cell.n_healthy);
-                format!("{name},{},{n},{numbers},{healthy}", cell.measure)
+                let mut row = vec![variant.name.clone(), cell.measure.clone(), n.to_string()];
+                row.extend(numbers);
+                row.push(cell.n_healthy.to_string());
+                row
             })
         });
         table(&root.join("comparison.csv"), head, rows)?;
         let head = "session,variant,measure,value,standard_error,n_real,n_simulated";
         let rows = self.sessions.iter().map(|row| {
-            let numbers = [row.estimate.value, row.estimate.standard_error].map(plain).join(",");
+            let [value, error] = [row.estimate.value, row.estimate.standard_error].map(plain);
             let SessionValue { session, variant, measure, n_real, n_simulated, .. } = row;
-            format!("{},{variant},{measure},{numbers},{n_real},{n_simulated}", quoted(session))
+            let names = [session, variant, measure].map(String::clone);
+            let counts = [n_real, n_simulated].map(u64::to_string);
+            names.into_iter().chain([value, error]).chain(counts).collect()
         });
         table(&root.join("comparison-sessions.csv"), head, rows)
     }
 }
 
-fn table(path: &Path, head: &str, rows: impl Iterator<Item = String>) -> Result<(), BatchError> {
-    let rows: Vec<String> = std::iter::once(head.to_owned()).chain(rows).collect();
-    Ok(evrig_session::write_whole(path, rows.join("\n").as_bytes())?)
+fn table(
+    path: &Path,
+    head: &str,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Result<(), BatchError> {
+    write_csv(path, std::iter::once(head.split(',').map(str::to_owned).collect()).chain(rows))
+}
+
+/// Writes rows of fields as CSV, whole or not at all.
+pub(super) fn write_csv(
+    path: &Path,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Result<(), BatchError> {
+    let failed = |error: std::io::Error| BatchError::io(path)(error);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.write_record(&row).map_err(|error| failed(error.into()))?;
+    }
+    let bytes = writer.into_inner().map_err(|error| failed(error.into_error()))?;
+    Ok(evrig_session::write_whole(path, &bytes)?)
 }
 
 /// A number as it is, or nothing where it is not known.
-fn plain(value: f64) -> String {
+pub(super) fn plain(value: f64) -> String {
     if value.is_finite() { value.to_string() } else { String::new() }
-}
-
-/// A path as a field of a CSV table.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
 }
 
 #[cfg(test)]
@@ -295,11 +311,5 @@ mod tests {
         assert_eq!((one.value, one.n), (1.5, 1));
         assert!(one.standard_error.is_nan());
         assert!(mean(&[], 0).value.is_nan());
-    }
-
-    #[test]
-    fn a_path_with_a_comma_stays_one_field() {
-        assert_eq!(quoted("a/b"), "a/b");
-        assert_eq!(quoted("a,\"b\""), "\"a,\"\"b\"\"\"");
     }
 }

@@ -196,7 +196,8 @@ pub enum CalibrateObjective {
 #[command(after_help = "Examples:\n  \
     evrig compare sessions/street\n  \
     evrig compare sessions/street --stream aps --json\n  \
-    evrig compare dataset --variants twelve      # writes dataset/comparison.html, .csv, .json\n\n\
+    evrig compare dataset --variants twelve      # writes dataset/comparison.html, .csv, .json\n  \
+    evrig compare dataset --table paper/table --measures count_ratio,interval_ks --each-session\n\n\
     Over a dataset each measure is the mean over its sessions, with the error of a bootstrap over \
     them.")]
 pub struct CompareArgs {
@@ -219,6 +220,19 @@ pub struct CompareArgs {
     /// A dataset: only the sessions of this rig, named as in dataset.json, or a prefix of it
     #[arg(long, value_name = "NAME")]
     pub rig: Option<String>,
+
+    /// Also write a paper's table: OUT.tex (LaTeX with booktabs) and OUT.csv, with errors and the best
+    /// value of each column marked
+    #[arg(long, value_name = "OUT")]
+    pub table: Option<PathBuf>,
+
+    /// Columns of the table [default: all measures]
+    #[arg(long, value_name = "KEY,...", value_delimiter = ',', requires = "table")]
+    pub measures: Vec<String>,
+
+    /// Rows of the table for each session of a dataset, before the means
+    #[arg(long, requires = "table")]
+    pub each_session: bool,
 
     /// Seed of the resampling behind the errors
     #[arg(long, default_value_t = 0)]

@@ -1,6 +1,7 @@
 //! `evrig compare`: simulated streams against the real one.
 
 use super::{Ending, Output, WrongUse, stream_name};
+use crate::batch::{FoundSession, aggregate};
 use crate::cli::{CompareArgs, Engine};
 use crate::pipeline::{self, CompareRequest, Freshness, PipelineError};
 use evrig_analysis::compare::Comparison;
@@ -55,6 +56,14 @@ pub(super) fn run(args: &CompareArgs, output: &Output) -> anyhow::Result<Ending>
     }
     if values.is_empty() {
         anyhow::bail!("none of the simulated streams could be compared; the reasons are above");
+    }
+    if args.table.is_some() {
+        let key = session.manifest().name.clone();
+        let found = FoundSession { key, path: args.session.clone(), session: Ok(session.clone()) };
+        let aggregate = aggregate(&found.key, &[&found], None, args.seed);
+        for path in super::dataset::paper_table(args, &aggregate)? {
+            text += &format!("{}\n", path.display());
+        }
     }
     let value =
         json!({ "schema": "evrig.comparisons/1", "comparisons": values, "left_out": left_out });

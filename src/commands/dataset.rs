@@ -5,15 +5,15 @@ mod text;
 use super::progress::ProgressDisplay;
 use super::{Ending, Output, WrongUse};
 use crate::batch::{
-    self, Aggregate, BatchProgress, DatasetCompareRequest, Gathered, Index, OutcomeKind, Resources,
-    SlurmJob, SplitBy, Splits,
+    self, Aggregate, BatchError, BatchProgress, DatasetCompareRequest, Gathered, Index,
+    OutcomeKind, PaperTableRequest, Resources, SlurmJob, SplitBy, Splits,
 };
 use crate::cli::{BatchArgs, CompareArgs, Engine, EngineArgs, ReportArgs, SplitByArg};
 use crate::pipeline::{ModelChoice, ProcessRequest, VariantList};
 use anyhow::Context;
 use evrig_session::StreamName;
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// `evrig process DATASET`.
 pub(super) fn process(
@@ -181,9 +181,10 @@ pub(super) fn compare(args: &CompareArgs, output: &Output) -> anyhow::Result<End
     let root = args.session.as_path();
     let variants = args.variants.as_deref().map(VariantList::read).transpose()?;
     if args.engine.engine == Engine::Slurm {
-        if variants.is_none() || args.rig.is_some() || args.real != "real" {
-            let what =
-                "on Slurm a dataset is compared with --variants LIST, and without --rig and --real";
+        let is_other = args.rig.is_some() || args.real != "real" || args.table.is_some();
+        if variants.is_none() || is_other {
+            let what = "on Slurm a dataset is compared with --variants LIST, and without --rig, \
+                        --real and --table";
             return Err(WrongUse(what.into()).into());
         }
         // A task also brings its session's other stages up to date.
@@ -212,7 +213,21 @@ pub(super) fn compare(args: &CompareArgs, output: &Output) -> anyhow::Result<End
         output.warn(format_args!("left out: {because}"));
     }
     let page = root.join("comparison.html");
-    let text = format!("{}\n{}", text::comparison(&aggregate), page.display());
+    let mut text = format!("{}\n{}", text::comparison(&aggregate), page.display());
+    for path in paper_table(args, &aggregate)? {
+        text += &format!("\n{}", path.display());
+    }
     output.result(&aggregate, text)?;
     Ok(if aggregate.left_out.is_empty() { Ending::Done } else { Ending::WithLosses })
+}
+
+/// Writes the table of `--table`; gives its files.
+pub(super) fn paper_table(
+    args: &CompareArgs,
+    aggregate: &Aggregate,
+) -> Result<Vec<PathBuf>, BatchError> {
+    let Some(out) = args.table.clone() else { return Ok(Vec::new()) };
+    let (measures, has_sessions) = (args.measures.clone(), args.each_session);
+    let request = PaperTableRequest { out, measures, has_sessions };
+    Ok(batch::write_paper_table(aggregate, &request)?.to_vec())
 }

@@ -2,7 +2,7 @@
 
 use super::scene_source::is_scene;
 use super::{Freshness, PipelineError, clear, filter, fresh_record, inputs, read_json};
-use evrig_analysis::compare::{self, Comparison, FrameChanges, Maps, Setup};
+use evrig_analysis::compare::{self, Comparison, FrameChanges, Maps, MeasureId, Setup};
 use evrig_core::event::{EventSlice, Events};
 use evrig_core::frame::Luminance;
 use evrig_core::geometry::Size;
@@ -107,6 +107,8 @@ pub fn compare_with(
         "is_cut_to_picture": cut.is_some(),
         "seed": request.seed,
         "n_bootstrap": N_BOOTSTRAP,
+        // A result with fewer measures is stale.
+        "n_measures": MeasureId::ALL.len(),
     });
     let wanted = StageRecord::new("compare", Some(simulated_name), inputs, parameters);
     let directory = session.layout().derived("compare", Some(&request.simulated));

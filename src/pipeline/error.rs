@@ -21,6 +21,18 @@ pub enum PipelineError {
     /// The session cannot be read or written.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// A simulator of other software failed.
+    #[error("simulator `{stream}`: {what}; its log is {log}{last_lines}", log = log.display())]
+    External {
+        /// The stream it was to make.
+        stream: String,
+        /// What is wrong and what to do.
+        what: String,
+        /// What the command printed.
+        log: PathBuf,
+        /// The end of it, each line after a line feed.
+        last_lines: String,
+    },
     /// Frames cannot be turned into events.
     #[error("stream `{stream}` of {session}: {source}", session = session.display())]
     Generate {

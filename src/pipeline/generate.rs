@@ -1,12 +1,14 @@
 //! The stage `generate`: a session's frames become an event stream.
 
 mod diagnosed;
+mod external;
 mod from_scene;
 mod output;
 mod request;
 mod with_effects;
 
 pub use diagnosed::{By, CameraRequest, generate_diagnosed};
+pub use external::{ExternalRequest, ExternalSimulator, generate_external};
 pub use output::{GenerateTally, Generated, GenerationSpeed};
 pub use request::GenerateRequest;
 pub(super) use with_effects::with_effects;

@@ -2,9 +2,10 @@
 
 use super::error::missing;
 use super::{
-    CalibrateRequest, CompareRequest, Conditions, FilterRequest, Freshness, GenerateRequest,
-    Generated, ModelChoice, ObjectiveKind, PipelineError, PipelineProgress, ReferenceStream,
-    calibrate, common_grid, compare_with, filter, generate, read_calibration,
+    CalibrateRequest, CompareRequest, Conditions, ExternalRequest, ExternalSimulator,
+    FilterRequest, Freshness, GenerateRequest, Generated, ModelChoice, ObjectiveKind,
+    PipelineError, PipelineProgress, ReferenceStream, calibrate, common_grid, compare_with, filter,
+    generate, generate_external, read_calibration,
 };
 use evrig_analysis::compare::Comparison;
 use evrig_generate::effect::EffectSet;
@@ -23,13 +24,42 @@ const BUNDLED: [(&str, &str); 2] = [
 #[derive(Debug, Clone, PartialEq)]
 pub struct VariantList {
     name: String,
-    variants: Vec<VariantDescription>,
+    variants: Vec<VariantEntry>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ListFile {
-    variant: Vec<VariantDescription>,
+    variant: Vec<VariantEntry>,
+}
+
+/// A variant by a model, or by a command where it states one.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "toml::Table")]
+enum VariantEntry {
+    Model(Box<VariantDescription>),
+    External(Box<ExternalSimulator>),
+}
+
+impl TryFrom<toml::Table> for VariantEntry {
+    type Error = toml::de::Error;
+
+    fn try_from(table: toml::Table) -> Result<Self, Self::Error> {
+        if table.contains_key("command") {
+            table.try_into().map(|simulator| Self::External(Box::new(simulator)))
+        } else {
+            table.try_into().map(|description| Self::Model(Box::new(description)))
+        }
+    }
+}
+
+impl VariantEntry {
+    fn names(&self) -> [&String; 2] {
+        match self {
+            Self::Model(model) => [&model.name, &model.from],
+            Self::External(simulator) => [&simulator.name, &simulator.from],
+        }
+    }
 }
 
 /// One stream to generate; what is not given has its default.
@@ -94,13 +124,22 @@ impl VariantList {
     }
 }
 
+/// How the events of a variant are made.
+#[derive(Debug, Clone, PartialEq)]
+pub enum VariantRequest {
+    /// By a model.
+    Model(Box<GenerateRequest>),
+    /// By a simulator of other software.
+    External(Box<ExternalRequest>),
+}
+
 /// One variant of a session.
 #[derive(Debug)]
 pub struct VariantResult {
     /// Its name and that of its stream.
     pub name: String,
     /// The generation; none where the variant was left out.
-    pub generated: Option<(GenerateRequest, Generated)>,
+    pub generated: Option<(VariantRequest, Generated)>,
     /// The comparison with the real events.
     pub comparison: Option<Comparison>,
     /// Why it was left out or not compared.
@@ -157,7 +196,11 @@ pub fn variants(
     progress: &dyn Fn(PipelineProgress<'_>),
 ) -> Result<VariantResults, PipelineError> {
     let mut reference = ReferenceStream::new(session, "real");
-    let run = VariantRun { session, seed, force, progress };
+    // Absolute, since a command runs in another folder.
+    let path = std::path::absolute(&list.name)
+        .map_err(|source| PipelineError::Io { path: PathBuf::from(&list.name), source })?;
+    let folder = path.parent().unwrap_or(&path);
+    let run = VariantRun { session, folder, seed, force, progress };
     let (mut results, n) = (Vec::new(), list.variants.len());
     for (i, variant) in list.variants.iter().enumerate() {
         let began = Instant::now();
@@ -172,6 +215,8 @@ pub fn variants(
 
 struct VariantRun<'a> {
     session: &'a Session,
+    /// Folder of the list.
+    folder: &'a Path,
     seed: u64,
     force: bool,
     progress: &'a dyn Fn(PipelineProgress<'_>),
@@ -181,36 +226,22 @@ impl VariantRun<'_> {
     fn one(
         &self,
         reference: &mut ReferenceStream<'_>,
-        variant: &VariantDescription,
+        variant: &VariantEntry,
     ) -> Result<VariantResult, PipelineError> {
-        let Self { session, seed, force, progress } = *self;
-        let mut result = VariantResult {
-            name: variant.name.clone(),
-            generated: None,
-            comparison: None,
-            because: None,
-        };
-        let request = match self.request(variant) {
+        let Self { seed, force, .. } = *self;
+        let [name, _] = variant.names();
+        let mut result =
+            VariantResult { name: name.clone(), generated: None, comparison: None, because: None };
+        let simulated = StreamName::new(name)
+            .map_err(|error| PipelineError::Request(format!("variant `{name}`: {error}")))?;
+        match self.generate(variant, &simulated) {
+            Ok(generated) => result.generated = Some(generated),
             Err(error @ PipelineError::Request(_)) => return Err(error),
-            request => request,
-        };
-        let made = request.and_then(|request| {
-            let stage = "generate";
-            let name = request.name.clone();
-            let made = generate(session, &request, &mut |done, total| {
-                progress(PipelineProgress::Stage { stage, stream: name.as_str(), done, total });
-            })?;
-            Ok((request, made))
-        });
-        let (request, made) = match made {
-            Ok(made) => made,
             Err(error) => {
                 result.because = Some(error.to_string());
                 return Ok(result);
             }
-        };
-        let simulated = request.name.clone();
-        result.generated = Some((request, made));
+        }
         let compared = self.cut(&simulated).and_then(|()| {
             let real = "real".to_owned();
             compare_with(reference, &CompareRequest { real, simulated, seed, force })
@@ -222,20 +253,48 @@ impl VariantRun<'_> {
         Ok(result)
     }
 
-    fn request(&self, variant: &VariantDescription) -> Result<GenerateRequest, PipelineError> {
-        let (session, from) = (self.session, variant.from.as_str());
-        let wrong = |error: &dyn std::fmt::Display| PipelineError::Request(error.to_string());
-        let name = StreamName::new(&variant.name).map_err(|error| wrong(&error))?;
+    fn generate(
+        &self,
+        variant: &VariantEntry,
+        name: &StreamName,
+    ) -> Result<(VariantRequest, Generated), PipelineError> {
+        let Self { session, progress, force, seed, folder } = *self;
+        let [_, from] = variant.names();
         if from != "scene" && session.stream(StreamKind::Frames, from).is_err() {
             return Err(missing(session, format!("no frame stream `{from}`")));
         }
+        let mut progress = |done, total| {
+            let stage = "generate";
+            progress(PipelineProgress::Stage { stage, stream: name.as_str(), done, total });
+        };
+        Ok(match variant {
+            VariantEntry::Model(model) => {
+                let request = self.request(model, name)?;
+                let made = generate(session, &request, &mut progress)?;
+                (VariantRequest::Model(Box::new(request)), made)
+            }
+            VariantEntry::External(simulator) => {
+                let (simulator, folder) = (simulator.as_ref().clone(), folder.to_owned());
+                let request = ExternalRequest { simulator, folder, seed, force };
+                let made = generate_external(session, &request, &mut progress)?;
+                (VariantRequest::External(Box::new(request)), made)
+            }
+        })
+    }
+
+    fn request(
+        &self,
+        variant: &VariantDescription,
+        name: &StreamName,
+    ) -> Result<GenerateRequest, PipelineError> {
+        let (session, from) = (self.session, variant.from.as_str());
         let choice = variant.choice(self.seed);
         self.calibrate(from, &choice)?;
         let parameters = choice.parameters_on(session, from)?;
         let colour = variant.colour.as_deref().map_or(Ok(Colour::default()), str::parse);
         let mut conditions = Conditions {
             preparation: FramePreparation {
-                colour: colour.map_err(|error| wrong(&error))?,
+                colour: colour.map_err(|error| PipelineError::Request(error.to_string()))?,
                 subtract_black: variant.subtract_black,
                 divide_exposure: variant.divide_exposure,
             },
@@ -244,7 +303,7 @@ impl VariantRun<'_> {
             effects: variant.effects.clone(),
         };
         choice.prepare_on(session, from, &mut conditions)?;
-        let (from, force) = (from.to_owned(), self.force);
+        let (from, name, force) = (from.to_owned(), name.clone(), self.force);
         Ok(GenerateRequest { from, name, parameters, conditions, force })
     }
 
@@ -307,7 +366,7 @@ mod tests {
     fn the_bundled_lists_are_read_and_name_each_stream_once() {
         for (list, n) in [("twelve", 12), ("davis", 6)] {
             let variants = VariantList::read(list).unwrap().variants;
-            let names: BTreeSet<_> = variants.iter().map(|v| v.name.clone()).collect();
+            let names: BTreeSet<_> = variants.iter().map(|v| v.names()[0].clone()).collect();
             assert_eq!((variants.len(), names.len()), (n, n));
             for name in names {
                 StreamName::new(&name).unwrap();

@@ -9,10 +9,11 @@
 //! Errors therefore come from a bootstrap over **clusters**, real and simulated events of a cluster
 //! as a pair:
 //! - *time blocks*, 40 equal parts of the window, all pixels of each: count_ratio, polarity_delta,
-//!   spatial_emd. Valid when blocks are nearly independent.
+//!   spatial_emd, temporal_emd, the likeness of event images. Valid when blocks are nearly
+//!   independent.
 //! - *tiles*, squares of pixels with their whole history: active_pixel_ratio,
-//!   spatial_entropy_ratio, interval_tv, interval_emd, the interval fits, the correlation
-//!   and the rate-map error. Valid when tiles are nearly independent.
+//!   spatial_entropy_ratio, interval_tv, interval_emd, interval_ks, the interval fits, the
+//!   correlation and the rate-map error. Valid when tiles are nearly independent.
 //!
 //! # Unknown values
 //! A measure without data (no events, one event per pixel) is unknown: NaN here, `null` in JSON,
@@ -22,9 +23,11 @@ mod active_pixel_ratio;
 mod bootstrap;
 mod contrast_correlation;
 mod count_ratio;
+mod event_image;
 mod interval_bins;
 mod interval_emd;
 mod interval_fit;
+mod interval_ks;
 mod interval_tv;
 mod measure;
 mod polarity_delta;
@@ -35,11 +38,12 @@ mod sinkhorn;
 mod spanning_tree;
 mod spatial_emd;
 mod spatial_entropy_ratio;
+mod temporal_emd;
 mod transport;
 
 pub use contrast_correlation::{ContrastCorrelation, FrameChanges, FrameCorrelation};
 pub use interval_fit::{IntervalCurve, IntervalDensity, IntervalFit};
-pub use measure::{Cluster, Measure, MeasureId};
+pub use measure::{Cluster, IdealValue, Measure, MeasureId};
 pub use rate::{RateBand, RateCurve};
 pub use rate_map::{Maps, RateMapError};
 
@@ -234,6 +238,7 @@ pub fn compare(
         simulated: &simulated_profile,
         bootstrap: Bootstrap::new(setup.seed, setup.n_bootstrap),
     };
+    let [ssim, psnr] = event_image::measures(&pair, real, simulated);
     let measures = vec![
         count_ratio::measure(&pair),
         polarity_delta::measure(&pair),
@@ -242,6 +247,10 @@ pub fn compare(
         spatial_emd::measure(&pair, real, simulated),
         interval_tv::measure(&pair),
         interval_emd::measure(&pair),
+        interval_ks::measure(&pair),
+        temporal_emd::measure(&pair, real, simulated),
+        ssim,
+        psnr,
     ];
     let curves = Curves {
         intervals: interval_fit::curve(&pair),

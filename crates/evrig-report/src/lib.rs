@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod camera_report;
 pub mod diagnosis;
 pub mod figure;
+pub mod latex;
 pub mod measure;
 pub mod number;
 pub mod page;

@@ -15,6 +15,7 @@ mod images;
 mod imported_events;
 mod raw2event;
 mod raw_frames;
+mod simulated_events;
 
 pub use crate::epochs::EpochChoice;
 pub use aedat4::import_aedat4;
@@ -28,3 +29,4 @@ pub use frame_times::FrameTimes;
 pub use frames::{ImportFrames, import_frames};
 pub use raw_frames::{RawFrameOptions, SamplePacking};
 pub use raw2event::{ImportRaw2Event, import_raw2event};
+pub use simulated_events::read_simulated_events;

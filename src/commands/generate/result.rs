@@ -1,15 +1,35 @@
 //! A generation for people and as JSON.
 
-use crate::pipeline::{Freshness, GenerateRequest, Generated};
+use crate::pipeline::{Freshness, GenerateRequest, Generated, VariantRequest};
 use evrig_report::number::counted;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// The result as consumers of `--json` get it.
-pub(in crate::commands) fn value(request: &GenerateRequest, made: &Generated) -> serde_json::Value {
+pub(in crate::commands) fn value(request: &GenerateRequest, made: &Generated) -> Value {
+    let mut value = counts(request.name.as_str(), &request.from, made);
+    value["parameters"] = json!(request.parameters);
+    value["conditions"] = json!(request.conditions);
+    value
+}
+
+/// The same of any variant.
+pub(super) fn variant_value(request: &VariantRequest, made: &Generated) -> Value {
+    match request {
+        VariantRequest::Model(request) => value(request, made),
+        VariantRequest::External(request) => {
+            let simulator = &request.simulator;
+            let mut value = counts(&simulator.name, &simulator.from, made);
+            value["parameters"] = made.record.parameters.clone();
+            value
+        }
+    }
+}
+
+fn counts(stream: &str, from: &str, made: &Generated) -> Value {
     json!({
         "schema": "evrig.generation/1",
-        "stream": request.name.as_str(),
-        "from": request.from,
+        "stream": stream,
+        "from": from,
         "fresh": made.freshness == Freshness::Fresh,
         "frames": made.tally.n_frames,
         "events": made.tally.n_events,
@@ -19,8 +39,6 @@ pub(in crate::commands) fn value(request: &GenerateRequest, made: &Generated) ->
         "frame_rhythm": made.tally.frame_rhythm,
         "first_us": made.tally.first_us,
         "last_us": made.tally.last_us,
-        "parameters": request.parameters,
-        "conditions": request.conditions,
         "speed": made.speed,
     })
 }

@@ -32,7 +32,7 @@ pub(in crate::commands) fn value(results: &VariantResults) -> Value {
         let made = variant.generated.as_ref();
         json!({
             "name": variant.name,
-            "generation": made.map(|(request, made)| result::value(request, made)),
+            "generation": made.map(|(request, made)| result::variant_value(request, made)),
             "comparison": variant.comparison,
             "because": variant.because,
         })
@@ -57,7 +57,8 @@ fn table(variants: &[VariantResult]) -> String {
         if let Some(comparison) = &variant.comparison {
             line.extend(comparison.measures.iter().map(|m| quantity(&m.estimate).to_string()));
         } else if let Some(because) = &variant.because {
-            line.push(format!("left out: {because}"));
+            // The lines of a log that follow were printed already.
+            line.push(format!("left out: {}", because.lines().next().unwrap_or_default()));
         }
         lines.push(line);
     }

@@ -116,6 +116,33 @@ fn intervals_over_time_blocks_hold_the_truth_as_often_as_they_claim() {
     );
 }
 
+/// Bursty light of constant expectation on one camera and of a rate that grows linearly from 0.5
+/// to 1.5 of its mean on the other. The area between u and u/2 + u^2/2 is 1/12 of the window.
+fn ramped(seed: u64) -> [Events; 2] {
+    let mut random = SplitMix::new(seed, 9);
+    let mut streams = [Vec::new(), Vec::new()];
+    for block in 0..40_i64 {
+        let activity = 0.2 + 1.6 * uniform(&mut random);
+        for (stream, share) in [(0, 1.0), (1, 0.5 + (block as f64 + 0.5) / 40.0)] {
+            let luck = 0.5 + uniform(&mut random);
+            for _ in 0..(100.0 * activity * luck * share).round() as usize {
+                let t = block * 100_000 + random.below(100_000) as i64;
+                streams[stream].push(Event { t, x: random.below(48) as u16, y: 0, on: true });
+            }
+        }
+    }
+    streams.map(sorted)
+}
+
+#[test]
+fn intervals_of_a_distance_in_time_hold_the_truth_as_often_as_they_claim() {
+    demand_coverage(
+        ROW,
+        ramped,
+        &[("temporal_emd", 4_000.0 / 12.0, |c| of(c, MeasureId::TemporalEmd))],
+    );
+}
+
 #[test]
 fn intervals_over_tiles_hold_the_truth_as_often_as_they_claim() {
     // Of the two-point laws a = (0.7, 0.3) and b = (0.5, 0.5) one decade apart the plan is
@@ -138,6 +165,7 @@ fn intervals_over_tiles_hold_the_truth_as_often_as_they_claim() {
             }),
             ("interval_tv", 0.2, |c| of(c, MeasureId::IntervalTv)),
             ("interval_emd", sinkhorn, |c| of(c, MeasureId::IntervalEmd)),
+            ("interval_ks", 0.2, |c| of(c, MeasureId::IntervalKs)),
             ("interval distance", 0.2, |c| c.curves.intervals.distance_decades),
             ("mean interval", 370.0, |c| c.curves.intervals.real.fit.as_ref().unwrap().mean_us),
             ("shape", 1.0 / (0.7 / 100.0 + 0.3 / 1_000.0 - 1.0 / 370.0), |c| {

@@ -82,8 +82,8 @@ fn divergence(one: &[f64], other: &[f64]) -> Divergence {
     sinkhorn::divergence(one, other, step, BLUR_DECADES)
 }
 
-/// Histograms of both streams with those of some tiles swapped.
-fn histograms(pair: &ProfilePair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
+/// Histograms of the real and the simulated intervals, with those of some tiles swapped.
+pub(super) fn histograms(pair: &ProfilePair<'_>, flips: Option<&[bool]>) -> (Vec<f64>, Vec<f64>) {
     let Some(flips) = flips else {
         return (pair.real.total_histogram(), pair.simulated.total_histogram());
     };

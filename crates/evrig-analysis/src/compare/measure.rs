@@ -16,6 +16,68 @@ pub enum MeasureId {
     SpatialEmd,
     IntervalTv,
     IntervalEmd,
+    IntervalKs,
+    TemporalEmd,
+    EventImageSsim,
+    EventImagePsnr,
+}
+
+/// The value of a measure for equal streams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum IdealValue {
+    /// A ratio: one.
+    One,
+    /// A difference or a distance: zero.
+    Zero,
+    /// A likeness: the largest.
+    Largest,
+}
+
+impl MeasureId {
+    /// All, in their order.
+    pub const ALL: [Self; 11] = [
+        Self::CountRatio,
+        Self::PolarityDelta,
+        Self::ActivePixelRatio,
+        Self::SpatialEntropyRatio,
+        Self::SpatialEmd,
+        Self::IntervalTv,
+        Self::IntervalEmd,
+        Self::IntervalKs,
+        Self::TemporalEmd,
+        Self::EventImageSsim,
+        Self::EventImagePsnr,
+    ];
+
+    /// The value for equal streams.
+    #[must_use]
+    pub const fn ideal(self) -> IdealValue {
+        match self {
+            Self::CountRatio | Self::ActivePixelRatio | Self::SpatialEntropyRatio => {
+                IdealValue::One
+            }
+            Self::PolarityDelta
+            | Self::SpatialEmd
+            | Self::IntervalTv
+            | Self::IntervalEmd
+            | Self::IntervalKs
+            | Self::TemporalEmd => IdealValue::Zero,
+            Self::EventImageSsim | Self::EventImagePsnr => IdealValue::Largest,
+        }
+    }
+}
+
+impl IdealValue {
+    /// How far a value is from the ideal one, for the order of values only; a ratio and its inverse
+    /// are equally far.
+    #[must_use]
+    pub fn shortfall(self, value: f64) -> f64 {
+        match self {
+            Self::One => value.ln().abs(),
+            Self::Zero => value.abs(),
+            Self::Largest => -value,
+        }
+    }
 }
 
 /// What a measure's error was resampled over.

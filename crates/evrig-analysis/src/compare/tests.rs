@@ -38,7 +38,7 @@ fn value(comparison: &Comparison, id: MeasureId) -> f64 {
     estimate(comparison, id).value
 }
 
-const ALL: [(MeasureId, f64); 7] = [
+const ALL: [(MeasureId, f64); 10] = [
     (MeasureId::CountRatio, 1.0),
     (MeasureId::PolarityDelta, 0.0),
     (MeasureId::ActivePixelRatio, 1.0),
@@ -46,6 +46,9 @@ const ALL: [(MeasureId, f64); 7] = [
     (MeasureId::SpatialEmd, 0.0),
     (MeasureId::IntervalTv, 0.0),
     (MeasureId::IntervalEmd, 0.0),
+    (MeasureId::IntervalKs, 0.0),
+    (MeasureId::TemporalEmd, 0.0),
+    (MeasureId::EventImageSsim, 1.0),
 ];
 
 #[test]
@@ -59,6 +62,8 @@ fn a_stream_against_itself_is_ideal_in_every_measure_without_error() {
         let healthy = comparison.measure(id).unwrap().is_healthy();
         assert_ne!(healthy, Some(false), "{id:?}");
     }
+    let psnr = comparison.measure(MeasureId::EventImagePsnr).unwrap();
+    assert!(psnr.unknown_because.as_ref().is_some_and(|because| because.contains("infinite")));
     assert_eq!(comparison.curves.intervals.real, comparison.curves.intervals.simulated);
     assert!(comparison.curves.rate_map.rmse_hz.value < 1e-12);
 }
@@ -143,6 +148,40 @@ fn planted_differences_come_out_as_planted() {
     assert!((value(&wider, MeasureId::ActivePixelRatio) - 4.0).abs() < 1e-9);
     let entropies = 400_f64.ln() / 100_f64.ln();
     assert!((value(&wider, MeasureId::SpatialEntropyRatio) - entropies).abs() < 1e-9);
+}
+
+#[test]
+fn planted_delays_and_images_come_out_as_planted() {
+    // Every interval is 20 ms in one stream and 40 ms in a quarter of the pixels of the other.
+    let pixels: Vec<(u16, u16)> = (0..400).map(|i| (i % 20, i / 20)).collect();
+    let real = trains(&pixels, 50, 20_000, 25);
+    let delayed: Events =
+        real.as_slice().iter().map(|event| Event { t: event.t + 250_000, ..event }).collect();
+    let comparison = of(&real, &delayed);
+    let delay = value(&comparison, MeasureId::TemporalEmd);
+    assert!((delay - 250.0).abs() < 1e-9, "{delay} ms, planted 250");
+    assert!(value(&comparison, MeasureId::IntervalKs) < 1e-12);
+    let mut mixed: Vec<Event> = trains(&pixels[100..], 50, 20_000, 25).as_slice().iter().collect();
+    mixed.extend(trains(&pixels[..100], 50, 40_000, 25).as_slice().iter());
+    let mut mixed: Events = mixed.into_iter().collect();
+    mixed.sort_by_time();
+    let ks = value(&of(&real, &mixed), MeasureId::IntervalKs);
+    assert!((ks - 0.25).abs() < 1e-9, "{ks}, planted 0.25");
+
+    // One event at every pixel of each image against none, and against the opposite polarity: mean
+    // square differences 1 and 4 against a range of 4.
+    let every: Vec<(u16, u16)> = (0..2304).map(|i| (i % 48, i / 48)).collect();
+    let flash = |on: bool| -> Events {
+        let flashes =
+            (0..160_i64).flat_map(|k| every.iter().map(move |&p| (25_000 * k + 12_500, p)));
+        flashes.map(|(t, (x, y))| Event { t, x, y, on }).collect()
+    };
+    let in_no_image: Events = [Event { t: 0, x: 0, y: 0, on: true }].into_iter().collect();
+    for (other, square) in [(in_no_image, 1.0), (flash(false), 4.0)] {
+        let found = value(&of(&flash(true), &other), MeasureId::EventImagePsnr);
+        let planted = 10.0 * (16.0_f64 / square).log10();
+        assert!((found - planted).abs() < 1e-9, "{found} dB, planted {planted}");
+    }
 }
 
 #[test]
@@ -238,6 +277,10 @@ fn the_json_has_the_keys_that_consumers_rely_on() {
         "spatial_emd",
         "interval_tv",
         "interval_emd",
+        "interval_ks",
+        "temporal_emd",
+        "event_image_ssim",
+        "event_image_psnr",
     ];
     assert_eq!(ids, expected);
     assert!(json["measures"][0]["estimate"]["ci90"][1].is_number());

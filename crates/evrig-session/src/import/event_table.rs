@@ -60,6 +60,9 @@ pub(super) struct ImportedEvents {
     pub(super) decisions: Vec<String>,
 }
 
+/// The loss of order, the only one that changes no event.
+pub(super) const SORTED_BY_TIME: &str = "events out of order were sorted by time";
+
 /// Endings of tables.
 pub(super) const TABLE_ENDINGS: [&str; 10] =
     ["npy", "npz", "csv", "txt", "tsv", "zip", "h5", "hdf5", "hdf", "parquet"];
@@ -282,7 +285,7 @@ impl EventRows {
             losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
         }
         if n_disordered > 0 {
-            losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
+            losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
         }
         Ok(ImportedEvents { events, size, losses, decisions })
     }

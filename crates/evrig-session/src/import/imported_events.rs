@@ -1,7 +1,8 @@
 //! Events of one stream out of a file of any kind that is read.
 
 use super::event_table::{
-    self, EventSetting, EventTableOptions, ImportedEvents, check_overlap, check_stamps,
+    self, EventSetting, EventTableOptions, ImportedEvents, SORTED_BY_TIME, check_overlap,
+    check_stamps,
 };
 use crate::epochs::Epochs;
 use crate::{DataLoss, SessionError};
@@ -275,7 +276,7 @@ fn finish(
         losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
     }
     if n_disordered > 0 {
-        losses.push(loss(n_disordered, "events out of order were sorted by time".into()));
+        losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
     }
     Ok(ImportedEvents { events: kept, size, losses, decisions: Vec::new() })
 }
