@@ -7,6 +7,7 @@
 //! boosted trees is the residual structure.
 
 use super::boosted_trees::{ClassifierResult, LabelledEvents, N_FOLDS, classify, classify_with};
+use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
 use crate::diagnose::{Evidence, MisfitStratum, PixelEvidence, ProposedTerm};
 use crate::predict::{NextEventPair, Spike, SpikeContext};
 use rayon::prelude::*;
@@ -137,7 +138,8 @@ pub(crate) struct StructureTest {
 
 impl StructureTest {
     /// A hazard term by the most important feature beyond the pixel's own signal and past: log
-    /// ratio of recorded to simulated events per range.
+    /// ratio of recorded to simulated events per range. None where these features gain less than
+    /// is neglected, or the ratio differs in one range only.
     pub(crate) fn hazard_term(&self) -> Option<ProposedTerm> {
         let is_other = |key: &str| FEATURES.iter().any(|f| f.of.is_other() && f.key == key);
         let most = self.by.iter().find(|(key, _)| is_other(key))?.0;
@@ -152,7 +154,8 @@ impl StructureTest {
             Some([middle, log, log - error, log + error])
         };
         let curve: Vec<[f64; 4]> = misfit_ranges.iter().filter_map(point).collect();
-        (!curve.is_empty()).then(|| ProposedTerm {
+        let is_worth_it = curve.len() > 1 && self.others[0] > NEGLIGIBLE_NATS_PER_EVENT;
+        is_worth_it.then(|| ProposedTerm {
             enters: "hazard".into(),
             depends_on: most.into(),
             curve,
