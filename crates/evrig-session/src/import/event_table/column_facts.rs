@@ -24,6 +24,7 @@ const MAX_POLARITIES: usize = 3;
 impl ColumnFacts {
     pub(super) fn of(column: &Column) -> Self {
         match column {
+            Column::Short(values) => Self::of_values(values.iter().map(|value| (*value).into())),
             Column::Int(values) => Self::of_values(values.iter().map(|value| *value as f64)),
             Column::Float(values) => Self::of_values(values.iter().copied()),
         }
