@@ -15,6 +15,7 @@ use rustix::time::{ClockId, clock_gettime};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+use std::process::Command;
 
 const SIZE: Size = Size::new(346, 260);
 
@@ -34,17 +35,25 @@ const FILES: [(&str, &str); 12] = [
 ];
 
 fn main() {
-    let millions = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(10);
+    let argument = std::env::args().nth(1);
+    if let Some(path) = argument.as_ref().map(Path::new).filter(|path| path.is_file()) {
+        return measure(path);
+    }
+    let millions: i64 = argument.and_then(|n| n.parse().ok()).unwrap_or(10);
     let directory = std::env::temp_dir().join("evrig-reader-speed");
     std::fs::create_dir_all(&directory).expect("a folder");
     write_all(&directory, millions * 1_000_000);
+    let program = std::env::current_exe().expect("this program");
     for (name, file) in FILES {
-        measure(name, &directory.join(file), millions as usize * 1_000_000);
+        print!("{name:24}");
+        std::io::stdout().flush().expect("a terminal");
+        // A program of its own has no memory left from another file.
+        let status = Command::new(&program).arg(directory.join(file)).status();
+        assert!(status.is_ok_and(|status| status.success()), "{name}");
     }
     std::fs::remove_dir_all(&directory).expect("the folder is removed");
 }
 
-/// The events are dropped before reading, which is measured.
 fn write_all(directory: &Path, n: i64) {
     let mut x = 1_u64;
     let events: Events = (0..n)
@@ -70,21 +79,19 @@ fn write_all(directory: &Path, n: i64) {
     write_aedat4(&events, &at("4.aedat4"));
 }
 
-fn measure(name: &str, path: &Path, n: usize) {
+fn measure(path: &Path) {
     let mut best = f64::INFINITY;
-    let mut peak = 0;
+    let [before, mut peak] = [resident(), 0];
+    let mut n = 0;
     for _ in 0..3 {
-        // Linux: the peak begins anew at what is resident.
-        std::fs::write("/proc/self/clear_refs", "5").expect("Linux");
-        let before = resident("VmRSS");
         let begin = processor_seconds();
-        let found = read_recording(path, None, &EventTableOptions::default()).expect(name);
+        let found = read_recording(path, None, &EventTableOptions::default()).expect("events");
         best = best.min(processor_seconds() - begin);
-        peak = peak.max(resident("VmHWM").saturating_sub(before));
-        assert_eq!(found.events.len(), n, "{name}");
+        n = found.events.len();
+        peak = if peak == 0 { resident() } else { peak };
     }
-    let (speed, bytes) = (n as f64 / best / 1e6, peak as f64 / n as f64);
-    println!("{name:24} {speed:7.1} Mev/s {bytes:7.1} B/event");
+    let (speed, bytes) = (n as f64 / best / 1e6, (peak - before) as f64 / n as f64);
+    println!("{speed:7.1} Mev/s {bytes:7.1} B/event");
 }
 
 /// Processor time of all threads, which other programs on the machine do not change.
@@ -93,10 +100,10 @@ fn processor_seconds() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// Bytes of a line of this process's status.
-fn resident(key: &str) -> u64 {
+/// The most bytes that this process has had in memory (Linux).
+fn resident() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let line = status.lines().find(|line| line.starts_with(key)).expect(key);
+    let line = status.lines().find(|line| line.starts_with("VmHWM")).expect("a peak");
     line.split_whitespace().nth(1).and_then(|kb| kb.parse().ok()).unwrap_or(0) * 1024
 }
 

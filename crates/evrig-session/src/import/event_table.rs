@@ -100,7 +100,7 @@ fn interpret(
     setting: EventSetting,
 ) -> Result<ImportedEvents, String> {
     if table.n_rows() == 0 {
-        return Err("holds no events".into());
+        return Err(table.damage.unwrap_or_else(|| "holds no events".into()));
     }
     let assignment = columns::assign(&table, options.columns.as_ref(), setting.size)?;
     let damage = table.damage.clone();

@@ -26,10 +26,14 @@ impl ColumnFacts {
         match column {
             Column::Short(values) => Self::of_values(values.iter().map(|value| (*value).into())),
             Column::Int(values) => Self::of_values(values.iter().map(|value| *value as f64)),
-            Column::Float(values) => Self::of_values(values.iter().copied()),
+            Column::Float(values) => Self {
+                is_whole: values.iter().all(|value| value.fract() == 0.0),
+                ..Self::of_values(values.iter().copied())
+            },
         }
     }
 
+    /// Facts of whole numbers.
     fn of_values(values: impl Iterator<Item = f64>) -> Self {
         let mut facts = Self {
             n: 0,
@@ -45,7 +49,6 @@ impl ColumnFacts {
             facts.n += 1;
             facts.min = facts.min.min(value);
             facts.max = facts.max.max(value);
-            facts.is_whole &= value.fract() == 0.0;
             facts.n_descents += usize::from(value < last);
             facts.n_negative += usize::from(value < 0.0);
             if facts.distinct.len() <= MAX_POLARITIES && !facts.distinct.contains(&value) {
