@@ -3,7 +3,7 @@
 use crate::pipeline::track::{AnyTrack, read_summary, read_track, tracked};
 use crate::pipeline::{PipelineError, read_clocks, read_filter_tally, read_scene};
 use evrig_core::time::{Clock, Davis, Stamp};
-use evrig_format::npy::{Column, Npz};
+use evrig_format::npy::Npz;
 use evrig_reconstruct::clock::SessionClocks;
 use evrig_reconstruct::roi::Track;
 use evrig_report::page::{Fact, Section};

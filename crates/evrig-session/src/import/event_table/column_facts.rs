@@ -51,8 +51,13 @@ impl ColumnFacts {
             facts.max = facts.max.max(value);
             facts.n_descents += usize::from(value < last);
             facts.n_negative += usize::from(value < 0.0);
-            if facts.distinct.len() <= MAX_POLARITIES && !facts.distinct.contains(&value) {
-                facts.distinct.push(value);
+            if facts.distinct.len() <= MAX_POLARITIES {
+                // Without a branch on each: polarities are as random as a coin.
+                let is_known =
+                    facts.distinct.iter().fold(false, |is, known| is | (*known == value));
+                if !is_known {
+                    facts.distinct.push(value);
+                }
             }
             last = value;
         }

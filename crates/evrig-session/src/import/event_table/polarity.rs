@@ -89,7 +89,9 @@ fn by_rule<T: Copy + PartialEq + Into<i64>>(
         }
     };
     let is_on = |value: &T| (*value).into() == rule.on;
-    if let Some(i) = values.iter().position(|v| !is_on(v) && (*v).into() != rule.off) {
+    // Without a branch on each: polarities are as random as a coin.
+    let is_other = |value: &T| !is_on(value) & ((*value).into() != rule.off);
+    if let Some(i) = values.iter().position(is_other) {
         return Err(format!(
             "event {i} has polarity {}; expected {} for ON or {} for OFF; {REMEDY}",
             values[i].into(),
