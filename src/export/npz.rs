@@ -58,6 +58,9 @@ pub(super) fn events(
         for column in &group.columns {
             let name = format!("{}_{}", group.name, column.name);
             match &column.values {
+                Column::Short(values) => {
+                    archive.add(&name, &column.shape(), values.iter().copied())?;
+                }
                 Column::Int(values) => {
                     archive.add(&name, &column.shape(), values.iter().copied())?;
                 }

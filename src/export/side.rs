@@ -105,6 +105,7 @@ fn table(images: &Images) -> Value {
 
 fn values(column: &SideColumn) -> Value {
     match &column.values {
+        Column::Short(values) => json!(values),
         Column::Int(values) => json!(values),
         Column::Float(values) if column.width == 1 => json!(values),
         Column::Float(values) => values.chunks(column.width).map(|row| json!(row)).collect(),

@@ -323,7 +323,8 @@ pub fn read_comparison(
             let side = |n: u64| u16::try_from(n).unwrap_or(u16::MAX);
             *size = Some(Size::new(side(width), side(height)));
         }
-        if let Some((_, Column::Int(counts))) = array.fields.into_iter().next() {
+        let column = array.fields.into_iter().next().map(|(_, column)| column);
+        if let Some(Ok(counts)) = column.map(Column::into_integers) {
             *map = counts.into_iter().map(|n| u32::try_from(n).unwrap_or(u32::MAX)).collect();
         }
     }

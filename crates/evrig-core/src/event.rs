@@ -138,6 +138,30 @@ impl Events {
         EventSlice { t: &self.t, x: &self.x, y: &self.y, on: &self.on }
     }
 
+    /// Adds µs to every time, up to the ends of its range.
+    pub fn shift(&mut self, us: i64) {
+        self.t.iter_mut().for_each(|t| *t = t.saturating_add(us));
+    }
+
+    /// Removes the events that are not to be kept, by their index and themselves.
+    pub fn retain(&mut self, mut is_kept: impl FnMut(usize, Event) -> bool) {
+        let mut n_kept = 0;
+        for i in 0..self.len() {
+            let event = self.as_slice().get(i);
+            if is_kept(i, event) {
+                self.t[n_kept] = event.t;
+                self.x[n_kept] = event.x;
+                self.y[n_kept] = event.y;
+                self.on[n_kept] = event.on;
+                n_kept += 1;
+            }
+        }
+        self.t.truncate(n_kept);
+        self.x.truncate(n_kept);
+        self.y.truncate(n_kept);
+        self.on.truncate(n_kept);
+    }
+
     /// Sorts by time; events of one microsecond keep their order.
     pub fn sort_by_time(&mut self) {
         if self.as_slice().first_disorder().is_none() {
@@ -248,6 +272,15 @@ mod tests {
         let events = at(&[1, 2, 2, 3, 5]);
         assert_eq!(events.as_slice().between(2, 5).t, &[2, 2, 3]);
         assert!(events.as_slice().between(9, 4).is_empty());
+    }
+
+    #[test]
+    fn what_is_retained_keeps_its_order_and_may_be_shifted() {
+        let mut events = at(&[1, 2, 3, 4, i64::MAX]);
+        events.retain(|i, event| i != 0 && event.t != 3);
+        events.shift(10);
+        assert_eq!(events.as_slice().t, &[12, 14, i64::MAX]);
+        assert_eq!(events.as_slice().on, &[true, true, false]);
     }
 
     #[test]

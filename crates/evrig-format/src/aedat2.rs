@@ -261,6 +261,24 @@ mod tests {
     }
 
     #[test]
+    fn a_file_cut_anywhere_is_read_up_to_the_cut() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.aedat");
+        let header = "#!AER-DAT2.0\r\n# AEChip: Davis346\r\n";
+        let pair = |i: u32| [(i << 22) | (i << 12), 100 * i];
+        let words: Vec<u8> = (1..30).flat_map(pair).flat_map(u32::to_be_bytes).collect();
+        for end in 0..words.len() {
+            std::fs::write(&path, [header.as_bytes(), &words[..end]].concat()).unwrap();
+            let cut = CameraEvents::gather(&path, None, |sink| super::read(&path, None, sink));
+            let cut = cut.unwrap();
+            let expected = (1..).map(|i| 100 * i).take(end / PAIR_BYTES);
+            assert!(cut.events.as_slice().t.iter().copied().eq(expected), "{end}");
+            let is_stated = cut.damage.is_some_and(|what| what.contains("the file is cut"));
+            assert_eq!(is_stated, end % PAIR_BYTES > 0, "{end}");
+        }
+    }
+
+    #[test]
     fn frames_are_reset_minus_signal_and_inertial_samples_seven_words() {
         let place = |i: u32| ((i / 2) << 22) | ((i % 2) << 12) | (1 << 31);
         let mut pairs: Vec<[u32; 2]> = (0..4).map(|i| [place(i) | (500 + i), 100 + i]).collect();

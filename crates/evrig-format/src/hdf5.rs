@@ -13,6 +13,7 @@ pub use dsec::{SideColumn, SideGroup, write_dsec};
 pub use v2e::write_v2e;
 
 use crate::StoredTable;
+use crate::column::{Column, NumberCell};
 use hdf5_pure::{AttrValue, Dataset, Datatype, File, Group};
 use std::path::{Path, PathBuf};
 
@@ -125,12 +126,8 @@ impl Hdf5EventFile<'_> {
             Some(columns) => {
                 let read = |(name, dataset): (&str, Dataset)| {
                     let text = |what| format!("dataset `{name}` {what}");
-                    let bytes = stored::read_bytes(self.path, &dataset).map_err(text)?;
-                    let datatype = dataset.datatype().map_err(|e| text(e.to_string()))?;
-                    let size = dataset.element_size().map_err(|e| text(e.to_string()))? as usize;
-                    let values = stored::numbers(&bytes, &datatype, 0, size);
-                    let values = values.ok_or_else(|| text("is not of numbers".into()))?;
-                    Ok((name.to_owned(), values))
+                    let column = self.read_column(&dataset).map_err(text)?;
+                    Ok((name.to_owned(), column))
                 };
                 let columns = columns.into_iter().map(read).collect::<Result<_, String>>()?;
                 StoredTable::of_columns(columns)
@@ -142,26 +139,42 @@ impl Hdf5EventFile<'_> {
         Ok(table)
     }
 
+    fn read_column(&self, dataset: &Dataset) -> Result<Column, String> {
+        let text = |error: hdf5_pure::Error| error.to_string();
+        let size = dataset.element_size().map_err(text)? as usize;
+        let cell = stored::number_cell(&dataset.datatype().map_err(text)?, 0, size);
+        let cell = cell.ok_or("is not of numbers")?;
+        let shape = dataset.shape().map_err(text)?;
+        if shape.iter().skip(1).any(|side| *side != 1) {
+            return Err(format!("has shape {shape:?}; expected one number an event"));
+        }
+        Ok(stored::read_columns(self.path, dataset, &[cell])?.pop().unwrap_or_default())
+    }
+
     fn read_dataset(&self, name: &str) -> Result<StoredTable, String> {
         let text = |error: hdf5_pure::Error| error.to_string();
         let dataset = self.file.dataset(name).map_err(text)?;
-        let bytes = stored::read_bytes(self.path, &dataset)?;
         let datatype = dataset.datatype().map_err(text)?;
         let size = dataset.element_size().map_err(text)? as usize;
-        if let Datatype::Compound { members, .. } = &datatype {
-            let column = |member: &hdf5_pure::CompoundMember| {
-                let offset = member.byte_offset as usize;
-                let values = stored::numbers(&bytes, &member.datatype, offset, size)?;
-                Some((member.name.clone(), values))
-            };
-            return Ok(StoredTable::of_columns(members.iter().filter_map(column).collect()));
-        }
-        let column = |i: usize| {
-            let values = stored::numbers(&bytes, &datatype, i * size, 4 * size);
-            Some((String::new(), values?))
+        let fields: Vec<(String, NumberCell)> = match &datatype {
+            Datatype::Compound { members, .. } => {
+                let field = |member: &hdf5_pure::CompoundMember| {
+                    let offset = member.byte_offset as usize;
+                    let cell = stored::number_cell(&member.datatype, offset, size)?;
+                    Some((member.name.clone(), cell))
+                };
+                members.iter().filter_map(field).collect()
+            }
+            number => {
+                let cell = |i| stored::number_cell(number, i * size, 4 * size);
+                let cells: Option<Vec<_>> = (0..4).map(cell).collect();
+                let cells = cells.ok_or("is not of numbers")?;
+                cells.into_iter().map(|cell| (String::new(), cell)).collect()
+            }
         };
-        let columns: Option<Vec<_>> = (0..4).map(column).collect();
-        Ok(StoredTable::of_columns(columns.ok_or("is not of numbers")?))
+        let (names, cells): (Vec<String>, Vec<NumberCell>) = fields.into_iter().unzip();
+        let columns = stored::read_columns(self.path, &dataset, &cells)?;
+        Ok(StoredTable::of_columns(names.into_iter().zip(columns).collect()))
     }
 
     /// The offset of DSEC, at the root or beside the columns.

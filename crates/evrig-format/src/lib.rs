@@ -4,6 +4,7 @@ pub mod aedat2;
 pub mod aedat3;
 pub mod aedat4;
 mod camera_events;
+mod column;
 mod destination;
 pub mod hdf5;
 pub mod npy;

@@ -8,7 +8,8 @@ mod header;
 mod read;
 mod write;
 
-pub use read::{Array, ArrayReader, Column, Npz};
+pub use crate::column::Column;
+pub use read::{Array, ArrayReader, Npz};
 pub use write::{ArrayWriter, Element, NpzWriter};
 
 use std::path::PathBuf;
@@ -107,6 +108,26 @@ mod tests {
         header_only(&path, &format!("{{'descr': '<i8', {shape}"));
         let error = refusal(&path);
         assert!(error.contains("cut.npy: the file ends before the data"), "{error}");
+    }
+
+    #[test]
+    fn a_cut_table_gives_its_whole_rows() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("rows.npy");
+        let mut writer = ArrayWriter::<i64>::create(&path, &[30, 4]).unwrap();
+        (0..30_i64).for_each(|i| writer.extend(&[70_000 * i, i, 2 * i, i % 2]).unwrap());
+        writer.finish().unwrap();
+        let read = || ArrayReader::open_cut(&path).and_then(ArrayReader::read_table).unwrap();
+        let whole = read();
+        assert_eq!((whole.columns.len(), whole.n_rows(), whole.damage), (4, 30, None));
+        assert_eq!(whole.columns[0].1, Column::Int((0..30).map(|i| 70_000 * i).collect()));
+        assert_eq!(whole.columns[2].1, Column::Short((0..30).map(|i| 2 * i).collect()));
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 33]).unwrap();
+        assert!(ArrayReader::open(&path).is_err());
+        let cut = read();
+        assert_eq!(cut.columns[2].1, Column::Short((0..28).map(|i| 2 * i).collect()));
+        assert_eq!(cut.damage.unwrap(), "the file is cut: 2 of 30 rows are missing");
     }
 
     fn refusal(path: &std::path::Path) -> String {

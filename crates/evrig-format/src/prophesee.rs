@@ -102,7 +102,9 @@ pub fn read(path: &Path, sink: &mut RecordingSink<'_>) -> Result<RecordingNotes,
         WordFormat::Evt3 => drain.run(&mut reader, &mut evt3::Evt3::default()),
         WordFormat::Dat => {
             let mut kind_and_bytes = [0; 2];
-            reader.read_exact(&mut kind_and_bytes).map_err(CameraFileError::io(path))?;
+            reader.read_exact(&mut kind_and_bytes).map_err(|_| {
+                CameraFileError::format(path, "the file is cut in its header; it holds no events")
+            })?;
             if kind_and_bytes[1] != 8 {
                 let what = format!("has events of {} bytes; expected 8", kind_and_bytes[1]);
                 return Err(CameraFileError::format(path, what));
@@ -148,10 +150,7 @@ impl WordDrain<'_, '_> {
             decoder.decode(&block[..n - n_left], &mut found);
             found.left_out.iter().for_each(|(what, count)| notes.leave_out(what, *count));
             let mut events = found.events;
-            if self.t0 != 0 {
-                let moved = |event: Event| Event { t: event.t.saturating_add(self.t0), ..event };
-                events = events.as_slice().iter().map(moved).collect();
-            }
+            events.shift(self.t0);
             (self.sink)(&self.stream, Content::Events(events))?;
             if n < BLOCK_BYTES {
                 let cut =

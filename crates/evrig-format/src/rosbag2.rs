@@ -43,6 +43,8 @@ struct McapState {
     topics: BTreeMap<u16, McapTopic>,
     decoder: RosDecoder,
     damage: Option<String>,
+    /// Memory of the last chunk, to be used again.
+    plain: Vec<u8>,
 }
 
 /// Reads a file, or the files of a folder in the order of their numbers, each up to a cut.
@@ -126,8 +128,10 @@ impl McapState {
         let Some(parts) = ChunkParts::of(chunk) else {
             return Ok(Err("has no whole header".into()));
         };
-        let (plain, mut fault) = match parts.decompress() {
-            Ok((plain, fault)) => (plain, fault.map_or(Ok(()), Err)),
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.clear();
+        let mut fault = match parts.decompress(&mut plain) {
+            Ok(fault) => fault.map_or(Ok(()), Err),
             Err(what) => return Ok(Err(what)),
         };
         let mut rest = plain.as_slice();
@@ -140,6 +144,7 @@ impl McapState {
             self.take_record(path, opcode, record, sink)?;
             rest = &rest[HEAD_BYTES + record.len()..];
         }
+        self.plain = plain;
         Ok(fault)
     }
 
@@ -235,19 +240,16 @@ impl<'a> ChunkParts<'a> {
         Some(Self { n_plain, crc, compression, stored, is_whole })
     }
 
-    /// The plain records, and why they are not all, or not as they were written.
-    fn decompress(&self) -> Result<(Vec<u8>, Option<String>), String> {
-        let mut plain = Vec::new();
+    /// Appends the plain records; gives why they are not all.
+    fn decompress(&self, plain: &mut Vec<u8>) -> Result<Option<String>, String> {
         let limit = self.n_plain.min(MAX_RECORD_BYTES);
         let text = |error: std::io::Error| format!("cannot be decompressed: {error}");
         let read = match self.compression {
-            b"" | b"none" => self.stored.take(limit).read_to_end(&mut plain),
-            b"lz4" => {
-                lz4::Decoder::new(self.stored).map_err(text)?.take(limit).read_to_end(&mut plain)
-            }
+            b"" | b"none" => self.stored.take(limit).read_to_end(plain),
+            b"lz4" => lz4::Decoder::new(self.stored).map_err(text)?.take(limit).read_to_end(plain),
             b"zstd" => {
                 let decoder = zstd::Decoder::new(self.stored).map_err(text)?;
-                decoder.take(limit).read_to_end(&mut plain)
+                decoder.take(limit).read_to_end(plain)
             }
             other => {
                 let name = String::from_utf8_lossy(other);
@@ -257,12 +259,12 @@ impl<'a> ChunkParts<'a> {
         let fault = match read {
             _ if !self.is_whole => Some("is cut".to_owned()),
             Err(error) => Some(text(error)),
-            Ok(_) if self.crc != 0 && crc32fast::hash(&plain) != self.crc => {
+            Ok(_) if self.crc != 0 && crc32fast::hash(plain) != self.crc => {
                 // What its messages would say is not known.
                 return Err("has another checksum than was written; it is left out".into());
             }
             Ok(_) => None,
         };
-        Ok((plain, fault))
+        Ok(fault)
     }
 }

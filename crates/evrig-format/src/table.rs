@@ -22,19 +22,6 @@ impl StoredTable {
         Self { columns, ..Self::default() }
     }
 
-    /// Unnamed columns of an array of rows that is stored row by row.
-    #[must_use]
-    pub fn of_rows(values: &Column, n_columns: usize) -> Self {
-        fn pick<T: Copy>(values: &[T], n_columns: usize, i: usize) -> Vec<T> {
-            values.iter().skip(i).step_by(n_columns).copied().collect()
-        }
-        let column = |i| match values {
-            Column::Int(values) => Column::Int(pick(values, n_columns, i)),
-            Column::Float(values) => Column::Float(pick(values, n_columns, i)),
-        };
-        Self::of_columns((0..n_columns).map(|i| (String::new(), column(i))).collect())
-    }
-
     /// Number of rows.
     #[must_use]
     pub fn n_rows(&self) -> usize {

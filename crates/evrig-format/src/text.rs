@@ -10,11 +10,14 @@ use crate::StoredTable;
 use crate::npy::Column;
 use cells::{Separator, is_number, parse_row};
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Comments kept; those of a file's head describe its columns.
 const MAX_NOTES: usize = 64;
+
+/// Bytes read at once.
+const BLOCK_BYTES: u64 = 1 << 20;
 
 /// Why a text file is no table.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +50,8 @@ struct Rows {
     columns: Vec<Column>,
     separator: Option<Separator>,
     row: Vec<cells::Number>,
+    /// Lines taken or begun.
+    n_lines: u64,
 }
 
 /// Reads a table. A last line without its end that is no whole row is left out and stated as
@@ -56,8 +61,7 @@ struct Rows {
 /// When the file cannot be read, or a line is not a row of numbers.
 pub fn read_table(path: &Path) -> Result<StoredTable, TextTableError> {
     let io = |source| TextTableError::Io { path: path.to_owned(), source };
-    let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io)?);
-    read_rows(path, &mut reader, false)
+    read_rows(path, &mut File::open(path).map_err(io)?, false)
 }
 
 /// Reads the table in a zip archive of one text, as rpg_e2vid reads its events. What an archive that
@@ -72,8 +76,8 @@ pub fn read_zipped_table(path: &Path) -> Result<StoredTable, TextTableError> {
     let Ok(mut archive) = zip::ZipArchive::new(BufReader::new(file)) else {
         let mut file = BufReader::new(File::open(path).map_err(io)?);
         let entry = zip::read::read_zipfile_from_stream(&mut file);
-        let entry = entry.ok().flatten().ok_or_else(|| other("is no zip archive".into()))?;
-        return read_rows(path, &mut BufReader::with_capacity(1 << 20, entry), true);
+        let entry = entry.ok().flatten();
+        return read_rows(path, &mut entry.ok_or_else(|| other("is no zip archive".into()))?, true);
     };
     let is_text = |name: &String| name.ends_with(".txt") || name.ends_with(".csv");
     let names = archive.file_names().filter_map(Result::ok).map(|name| name.into_owned());
@@ -84,36 +88,42 @@ pub fn read_zipped_table(path: &Path) -> Result<StoredTable, TextTableError> {
             "holds the texts: {found}; expected one .txt or .csv: unpack it and import the text"
         )));
     };
-    let entry = archive.by_name(name).map_err(|error| other(error.to_string()))?;
-    read_rows(path, &mut BufReader::with_capacity(1 << 20, entry), false)
+    let mut entry = archive.by_name(name).map_err(|error| other(error.to_string()))?;
+    read_rows(path, &mut entry, false)
 }
 
-/// Reads the lines. Where `is_cut`, a failure to read is the end.
+/// Reads the lines, a block at a time. Where `is_cut`, a failure to read is the end.
 fn read_rows(
     path: &Path,
-    reader: &mut impl BufRead,
+    reader: &mut impl Read,
     is_cut: bool,
 ) -> Result<StoredTable, TextTableError> {
-    let io = |source| TextTableError::Io { path: path.to_owned(), source };
     let mut rows = Rows::default();
     let mut damage = is_cut.then(|| "the archive is cut".to_owned());
-    let mut line = Vec::new();
-    for number in 1_u64.. {
-        line.clear();
-        match reader.read_until(b'\n', &mut line) {
-            Ok(0) => break,
-            Ok(_) => {}
-            Err(_) if is_cut && !rows.columns.is_empty() => break,
-            Err(error) => return Err(io(error)),
+    let mut block = Vec::new();
+    let mut is_end = false;
+    while !is_end {
+        let n_before = block.len();
+        match reader.by_ref().take(BLOCK_BYTES).read_to_end(&mut block) {
+            Ok(n) => is_end = n == 0,
+            Err(_) if is_cut && block.len() > n_before => {}
+            Err(_) if is_cut && !rows.columns.is_empty() => {
+                block.clear();
+                is_end = true;
+            }
+            Err(source) => return Err(TextTableError::Io { path: path.to_owned(), source }),
         }
-        let is_whole = line.ends_with(b"\n");
-        match rows.take(&line) {
-            Ok(()) => {}
-            Err(what) if !is_whole && !rows.columns.is_empty() => {
-                damage = Some(format!("the file is cut in line {number}: {what}"));
+        let last = block.iter().rposition(|byte| *byte == b'\n');
+        let end = if is_end { block.len() } else { last.map_or(0, |last| last + 1) };
+        match rows.take_lines(&block[..end]) {
+            Ok(()) => drop(block.drain(..end)),
+            // What is left at the end is a line without its end.
+            Err(what) if is_end && !rows.columns.is_empty() => {
+                damage = Some(format!("the file is cut in line {}: {what}", rows.n_lines));
             }
             Err(what) => {
-                return Err(TextTableError::Line { path: path.to_owned(), line: number, what });
+                let path = path.to_owned();
+                return Err(TextTableError::Line { path, line: rows.n_lines, what });
             }
         }
     }
@@ -123,6 +133,37 @@ fn read_rows(
 }
 
 impl Rows {
+    /// Takes lines, of which the last may be without its end.
+    fn take_lines(&mut self, mut lines: &[u8]) -> Result<(), String> {
+        while !lines.is_empty() {
+            self.n_lines += 1;
+            lines = match self.take_plain(lines) {
+                Some(rest) => rest,
+                None => {
+                    let end = lines.iter().position(|byte| *byte == b'\n');
+                    let (line, rest) = lines.split_at(end.map_or(lines.len(), |end| end + 1));
+                    self.take(line)?;
+                    rest
+                }
+            };
+        }
+        Ok(())
+    }
+
+    /// Takes a line of plain numbers, as many as there are columns; gives what follows it.
+    fn take_plain<'a>(&mut self, lines: &'a [u8]) -> Option<&'a [u8]> {
+        let rest = cells::parse_plain_row(lines, self.separator?, &mut self.row)?;
+        let is_row = self.row.len() == self.columns.len();
+        is_row.then(|| self.push_row())?;
+        Some(rest)
+    }
+
+    fn push_row(&mut self) {
+        for (column, number) in self.columns.iter_mut().zip(&self.row) {
+            cells::push(column, *number);
+        }
+    }
+
     fn take(&mut self, line: &[u8]) -> Result<(), String> {
         let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
         if line.is_empty() {
@@ -149,13 +190,13 @@ impl Rows {
         let expected = if self.names.is_empty() { self.columns.len() } else { self.names.len() };
         if self.columns.is_empty() {
             let n = if expected == 0 { self.row.len() } else { expected };
-            self.columns = vec![Column::Int(Vec::new()); n];
+            self.columns = vec![Column::default(); n];
         }
         if self.columns.len() != self.row.len() {
             // The first line of some files is the width and height of the sensor.
             if self.columns.len() == 2 && self.columns[0].len() == 1 && self.names.is_empty() {
                 self.note_sensor();
-                self.columns = vec![Column::Int(Vec::new()); self.row.len()];
+                self.columns = vec![Column::default(); self.row.len()];
             } else {
                 return Err(format!(
                     "expected {} numbers, found {} in `{}`",
@@ -165,18 +206,12 @@ impl Rows {
                 ));
             }
         }
-        for (column, number) in self.columns.iter_mut().zip(&self.row) {
-            cells::push(column, *number);
-        }
+        self.push_row();
         Ok(())
     }
 
     fn note_sensor(&mut self) {
-        let first = |column: &Column| match column {
-            Column::Int(values) => values.first().copied().unwrap_or(0),
-            Column::Float(values) => values.first().map_or(0, |value| *value as i64),
-        };
-        let [width, height] = [first(&self.columns[0]), first(&self.columns[1])];
+        let [width, height] = [0, 1].map(|i| self.columns[i].get(0) as i64);
         self.notes.push(format!("sensor size {width} x {height}"));
     }
 }

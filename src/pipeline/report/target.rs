@@ -3,7 +3,7 @@
 use crate::pipeline::track::{AnyTrack, read_summary, read_track, tracked};
 use crate::pipeline::{PipelineError, read_clocks, read_filter_tally, read_scene};
 use evrig_core::time::{Clock, Davis, Stamp};
-use evrig_format::npy::{Column, Npz};
+use evrig_format::npy::Npz;
 use evrig_reconstruct::clock::SessionClocks;
 use evrig_reconstruct::roi::Track;
 use evrig_report::page::{Fact, Section};
@@ -51,10 +51,8 @@ fn intervals(session: &Session) -> Result<Vec<FrameInterval>, PipelineError> {
     let mut npz = Npz::open(&path).map_err(SessionError::from)?;
     let mut column = |name: &str| -> Result<Vec<i64>, PipelineError> {
         let array = npz.array(name).map_err(SessionError::from)?;
-        Ok(match array.fields.into_iter().next() {
-            Some((_, Column::Int(values))) => values,
-            _ => Vec::new(),
-        })
+        let column = array.fields.into_iter().next().map(|(_, column)| column);
+        Ok(column.unwrap_or_default().into_integers().unwrap_or_default())
     };
     let (sensor_ns, real_us) = (column("sensor_timestamp_ns")?, column("real_time_us")?);
     let began = sensor_ns.first().copied().unwrap_or(0);

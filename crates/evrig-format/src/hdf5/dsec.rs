@@ -112,6 +112,7 @@ pub fn write_dsec(
 fn side(mut made: GroupBuilder, group: &SideGroup) -> FinishedGroup {
     for column in &group.columns {
         match &column.values {
+            Column::Short(values) => add(&mut made, column.name, values, &column.shape()),
             Column::Int(values) => add(&mut made, column.name, values, &column.shape()),
             Column::Float(values) => add(&mut made, column.name, values, &column.shape()),
         }

@@ -2,55 +2,12 @@
 
 use super::NpyError;
 use super::header::read_header;
+use crate::StoredTable;
+use crate::column::{Column, NumberCell, NumberKind};
 use npyz::{DType, Endianness, Order, TypeChar, TypeStr};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
-
-/// One column of numbers, integers kept exact.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Column {
-    /// Integers and booleans.
-    Int(Vec<i64>),
-    /// Floating point.
-    Float(Vec<f64>),
-}
-
-impl Column {
-    /// Number of values.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Int(values) => values.len(),
-            Self::Float(values) => values.len(),
-        }
-    }
-
-    /// Whether there is no value.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Whole numbers; floats are rounded. `Err` is the index of the first value that is not finite
-    /// or beyond the range of 64 bits.
-    ///
-    /// # Errors
-    /// The index of the offending value.
-    pub fn into_integers(self) -> Result<Vec<i64>, usize> {
-        match self {
-            Self::Int(values) => Ok(values),
-            Self::Float(values) => values
-                .into_iter()
-                .enumerate()
-                .map(|(i, value)| {
-                    let fits = value.is_finite() && value.abs() < 9.2e18;
-                    if fits { Ok(value.round() as i64) } else { Err(i) }
-                })
-                .collect(),
-        }
-    }
-}
 
 /// An array read whole: its shape and one column a field (one column without a name for plain
 /// arrays).
@@ -62,28 +19,28 @@ pub struct Array {
     pub fields: Vec<(String, Column)>,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum NumberKind {
-    Int,
-    Uint,
-    Float,
-    /// Bytes between fields of an aligned or padded record.
-    Padding,
-}
-
+/// A field of an element; none of its cells is padding.
 #[derive(Debug, Clone)]
 struct Field {
     name: String,
-    kind: NumberKind,
-    n_bytes: usize,
-    is_big_endian: bool,
+    cell: NumberCell,
 }
+
+/// What an element consists of.
+struct ArrayElement {
+    fields: Vec<Field>,
+    /// With the padding of aligned records.
+    n_bytes: usize,
+}
+
+/// Bytes read at once.
+const BLOCK_BYTES: usize = 1 << 20;
 
 /// An open array whose elements are read in order, as many at a time as the caller wants.
 pub struct ArrayReader<R> {
     path: PathBuf,
     shape: Vec<u64>,
-    fields: Vec<Field>,
+    element: ArrayElement,
     reader: R,
 }
 
@@ -95,18 +52,26 @@ impl ArrayReader<BufReader<File>> {
     /// data that its header announces.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
         let io = |source| NpyError::io(path, source);
-        let file = File::open(path).map_err(io)?;
-        let mut array = Self::new(path.to_owned(), BufReader::with_capacity(1 << 20, file))?;
+        let mut array = Self::open_cut(path)?;
         let about = array.reader.get_ref().metadata().map_err(io)?;
         // A pipe has no length; a file's length is checked against the announced data.
         if about.is_file() {
             let header = array.reader.stream_position().map_err(io)?;
-            let announced = array.n_elements().checked_mul(array.element_bytes() as u64);
+            let announced = array.n_elements().checked_mul(array.element.n_bytes as u64);
             if announced.is_none_or(|n| n > about.len().saturating_sub(header)) {
                 return Err(io(std::io::ErrorKind::UnexpectedEof.into()));
             }
         }
         Ok(array)
+    }
+
+    /// Opens an npy file that may end before the data that its header announces.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is not an npy array of numbers in C order.
+    pub fn open_cut(path: &Path) -> Result<Self, NpyError> {
+        let file = File::open(path).map_err(|source| NpyError::io(path, source))?;
+        Self::new(path.to_owned(), BufReader::with_capacity(BLOCK_BYTES, file))
     }
 }
 
@@ -119,18 +84,14 @@ impl<R: Read> ArrayReader<R> {
                 "the array is in Fortran order; save numpy.ascontiguousarray(array) instead",
             ));
         }
-        let fields = fields_of(&header.dtype()).map_err(|what| NpyError::format(&path, what))?;
-        Ok(Self { path, shape: header.shape().to_vec(), fields, reader })
+        let element =
+            ArrayElement::of(&header.dtype()).map_err(|what| NpyError::format(&path, what))?;
+        Ok(Self { path, shape: header.shape().to_vec(), element, reader })
     }
 
     /// How many elements the shape announces; the most there can be where it announces more.
     fn n_elements(&self) -> u64 {
         self.shape.iter().fold(1, |n, m| n.saturating_mul(*m))
-    }
-
-    /// Bytes of one element with all its fields.
-    fn element_bytes(&self) -> usize {
-        self.fields.iter().map(|field| field.n_bytes).sum()
     }
 
     /// Length along each axis.
@@ -142,9 +103,9 @@ impl<R: Read> ArrayReader<R> {
     /// Bytes of one unsigned integer element, for plain arrays of those; `None` for all others.
     #[must_use]
     pub fn unsigned_bytes(&self) -> Option<usize> {
-        match self.fields.as_slice() {
-            [Field { kind: NumberKind::Uint, n_bytes, name, .. }] if name.is_empty() => {
-                Some(*n_bytes)
+        match self.element.fields.as_slice() {
+            [Field { name, cell }] if name.is_empty() && cell.kind == NumberKind::Unsigned => {
+                Some(cell.n_bytes)
             }
             _ => None,
         }
@@ -170,7 +131,7 @@ impl<R: Read> ArrayReader<R> {
     /// When the file ends before.
     pub fn next_u16(&mut self, n: usize) -> Result<Vec<u16>, NpyError> {
         let bytes = self.next_u8(n * 2)?;
-        let is_big_endian = self.fields.first().is_some_and(|field| field.is_big_endian);
+        let is_big_endian = self.element.fields.first().is_some_and(|f| f.cell.is_big_endian);
         let pairs = bytes.chunks_exact(2).map(|pair| [pair[0], pair[1]]);
         Ok(if is_big_endian {
             pairs.map(u16::from_be_bytes).collect()
@@ -184,27 +145,66 @@ impl<R: Read> ArrayReader<R> {
     /// # Errors
     /// When the file ends before the data its header announces.
     pub fn read_all(mut self) -> Result<Array, NpyError> {
-        let row = self.element_bytes();
-        let mut columns: Vec<Column> = self.fields.iter().map(Field::empty_column).collect();
-        let is_padding = |field: &Field| matches!(field.kind, NumberKind::Padding);
-        // A header may announce more than there is: memory grows with the data read.
-        let mut left = self.n_elements();
-        while left > 0 {
-            let n_rows = left.min(1 << 16) as usize;
-            let bytes = self.next_u8(n_rows * row)?;
-            let mut at = 0;
-            for (field, column) in self.fields.iter().zip(&mut columns) {
-                let cells = bytes.chunks_exact(row).map(|cells| &cells[at..at + field.n_bytes]);
-                if !is_padding(field) {
-                    field.decode(cells, column);
-                }
-                at += field.n_bytes;
-            }
-            left -= n_rows as u64;
+        let (columns, n_missing) = self.read_records(self.n_elements())?;
+        if n_missing > 0 {
+            return Err(NpyError::io(&self.path, std::io::ErrorKind::UnexpectedEof.into()));
         }
-        let fields = self.fields.into_iter().zip(columns).filter(|(field, _)| !is_padding(field));
-        let fields = fields.map(|(field, column)| (field.name, column)).collect();
-        Ok(Array { shape: self.shape, fields })
+        let names = self.element.fields.into_iter().map(|field| field.name);
+        Ok(Array { shape: self.shape, fields: names.zip(columns).collect() })
+    }
+
+    /// Reads the array as a table: records of named fields, or N rows of 4 to 8 numbers. Rows that the
+    /// header announces and the file does not hold are stated as damage.
+    ///
+    /// # Errors
+    /// When the array is neither, or reading fails.
+    pub fn read_table(mut self) -> Result<StoredTable, NpyError> {
+        let mut n_records = self.n_elements();
+        if let [Field { name, cell }] = self.element.fields.as_slice() {
+            let &[n_rows, n_columns @ 4..=8] = self.shape.as_slice() else {
+                let what = format!(
+                    "has shape {:?}; expected (N, 4) with columns t, x, y, p, or records with \
+                     fields t, x, y, p",
+                    self.shape
+                );
+                return Err(NpyError::format(&self.path, what));
+            };
+            let n_bytes = self.element.n_bytes;
+            let place = |i: usize| NumberCell { offset: i * n_bytes + cell.offset, ..*cell };
+            let field = |i| Field { name: name.clone(), cell: place(i) };
+            let fields = (0..n_columns as usize).map(field).collect();
+            self.element = ArrayElement { fields, n_bytes: n_columns as usize * n_bytes };
+            n_records = n_rows;
+        }
+        let (columns, n_missing) = self.read_records(n_records)?;
+        let cut = || format!("the file is cut: {n_missing} of {n_records} rows are missing");
+        let names = self.element.fields.into_iter().map(|field| field.name);
+        let table = StoredTable::of_columns(names.zip(columns).collect());
+        Ok(StoredTable { damage: (n_missing > 0).then(cut), ..table })
+    }
+
+    /// The next `n` records, a column a field, up to the end of the data; and how many are missing.
+    fn read_records(&mut self, n: u64) -> Result<(Vec<Column>, u64), NpyError> {
+        let ArrayElement { fields, n_bytes } = &self.element;
+        let mut columns = vec![Column::default(); fields.len()];
+        let mut n_missing = n;
+        // A header may announce more than there is: memory grows with the data read.
+        let n_rows = (BLOCK_BYTES / n_bytes).max(1);
+        let mut block = Vec::with_capacity(n_rows * n_bytes);
+        while n_missing > 0 {
+            block.clear();
+            let n_asked = n_missing.min(n_rows as u64) * *n_bytes as u64;
+            let read = self.reader.by_ref().take(n_asked).read_to_end(&mut block);
+            let n_read = read.map_err(|source| NpyError::io(&self.path, source))?;
+            for (field, column) in fields.iter().zip(&mut columns) {
+                field.cell.decode(&block, *n_bytes, column);
+            }
+            n_missing -= (n_read / n_bytes) as u64;
+            if (n_read as u64) < n_asked {
+                break;
+            }
+        }
+        Ok((columns, n_missing))
     }
 }
 
@@ -234,104 +234,73 @@ impl Npz {
         names.flatten().map(|name| without_ending(&name)).collect()
     }
 
+    /// Opens one array.
+    ///
+    /// # Errors
+    /// When there is no such array, or it is not an array of numbers.
+    pub fn open_array(&mut self, name: &str) -> Result<ArrayReader<impl Read + '_>, NpyError> {
+        let inside = PathBuf::from(format!("{}[{name}]", self.path.display()));
+        match self.archive.by_name(&format!("{name}.npy")) {
+            Ok(entry) => ArrayReader::new(inside, BufReader::new(entry)),
+            Err(error) => Err(NpyError::format(&inside, error.to_string())),
+        }
+    }
+
     /// Reads one array whole.
     ///
     /// # Errors
     /// When there is no such array, or it is not an array of numbers.
     pub fn array(&mut self, name: &str) -> Result<Array, NpyError> {
-        let inside = PathBuf::from(format!("{}[{name}]", self.path.display()));
-        let entry = self
-            .archive
-            .by_name(&format!("{name}.npy"))
-            .map_err(|e| NpyError::format(&inside, e.to_string()))?;
-        ArrayReader::new(inside, BufReader::new(entry))?.read_all()
+        self.open_array(name)?.read_all()
     }
 }
 
-impl Field {
-    fn new(name: String, element: &TypeStr) -> Result<Self, String> {
-        let kind = match element.type_char() {
-            TypeChar::Int => NumberKind::Int,
-            TypeChar::Uint | TypeChar::Bool => NumberKind::Uint,
-            TypeChar::Float => NumberKind::Float,
-            TypeChar::RawData if name.is_empty() => NumberKind::Padding,
-            _ => return Err(format!("elements of type {element} are not numbers")),
-        };
-        let n_bytes = match kind {
-            NumberKind::Padding => element.size_field() as usize,
-            _ => element.num_bytes().unwrap_or(0),
-        };
-        let is_known = match kind {
-            NumberKind::Float => matches!(n_bytes, 4 | 8),
-            NumberKind::Int | NumberKind::Uint => matches!(n_bytes, 1 | 2 | 4 | 8),
-            NumberKind::Padding => n_bytes > 0,
-        };
-        if !is_known {
-            return Err(format!("elements of type {element} are not read; use int64 or float64"));
-        }
-        let is_big_endian = element.endianness() == Endianness::Big;
-        Ok(Self { name, kind, n_bytes, is_big_endian })
-    }
-
-    fn empty_column(&self) -> Column {
-        match self.kind {
-            NumberKind::Float => Column::Float(Vec::new()),
-            NumberKind::Int | NumberKind::Uint | NumberKind::Padding => Column::Int(Vec::new()),
-        }
-    }
-
-    fn decode<'a>(&self, cells: impl Iterator<Item = &'a [u8]>, column: &mut Column) {
-        match column {
-            Column::Int(values) => values.extend(cells.map(|cell| self.integer(cell))),
-            Column::Float(values) => values.extend(cells.map(|cell| self.float(cell))),
-        }
-    }
-
-    /// The cell's bytes as one unsigned number.
-    fn bits(&self, cell: &[u8]) -> u64 {
-        let shift_in = |bits: u64, byte: &u8| (bits << 8) | u64::from(*byte);
-        if self.is_big_endian {
-            cell.iter().fold(0, shift_in)
-        } else {
-            cell.iter().rev().fold(0, shift_in)
-        }
-    }
-
-    fn integer(&self, cell: &[u8]) -> i64 {
-        let bits = self.bits(cell);
-        let unused = 64 - 8 * self.n_bytes as u32;
-        match self.kind {
-            // Shifting left and back carries the sign of a narrow integer to all 64 bits.
-            NumberKind::Int => ((bits << unused) as i64) >> unused,
-            NumberKind::Uint | NumberKind::Float | NumberKind::Padding => {
-                i64::try_from(bits).unwrap_or(i64::MAX)
+impl ArrayElement {
+    fn of(dtype: &DType) -> Result<Self, String> {
+        let mut element = Self { fields: Vec::new(), n_bytes: 0 };
+        match dtype {
+            DType::Plain(number) if matches!(number.type_char(), TypeChar::RawData) => {
+                return Err(format!("elements of type {number} are not numbers"));
+            }
+            DType::Plain(number) => element.append("", number)?,
+            DType::Record(fields) => {
+                for field in fields {
+                    let DType::Plain(number) = &field.dtype else {
+                        return Err(format!("field {} is not a plain number", field.name));
+                    };
+                    element.append(&field.name, number)?;
+                }
+            }
+            DType::Array(..) => {
+                return Err("elements are arrays themselves; use a plain array".into());
             }
         }
-    }
-
-    fn float(&self, cell: &[u8]) -> f64 {
-        let bits = self.bits(cell);
-        match self.n_bytes {
-            4 => f64::from(f32::from_bits(bits as u32)),
-            _ => f64::from_bits(bits),
+        match element.fields.is_empty() {
+            true => Err("its elements have no fields".into()),
+            false => Ok(element),
         }
     }
-}
 
-fn fields_of(dtype: &DType) -> Result<Vec<Field>, String> {
-    match dtype {
-        DType::Plain(element) if matches!(element.type_char(), TypeChar::RawData) => {
-            Err(format!("elements of type {element} are not numbers"))
+    /// Appends a field, or the padding between fields of an aligned record, which has no name.
+    fn append(&mut self, name: &str, number: &TypeStr) -> Result<(), String> {
+        let kind = match number.type_char() {
+            TypeChar::Int => NumberKind::Signed,
+            TypeChar::Uint | TypeChar::Bool => NumberKind::Unsigned,
+            TypeChar::Float => NumberKind::Float,
+            TypeChar::RawData if name.is_empty() => {
+                self.n_bytes += number.size_field() as usize;
+                return Ok(());
+            }
+            _ => return Err(format!("elements of type {number} are not numbers")),
+        };
+        let n_bytes = number.num_bytes().unwrap_or(0);
+        let is_big_endian = number.endianness() == Endianness::Big;
+        let cell = NumberCell { kind, n_bytes, is_big_endian, offset: self.n_bytes };
+        if !cell.is_known() {
+            return Err(format!("elements of type {number} are not read; use int64 or float64"));
         }
-        DType::Plain(element) => Ok(vec![Field::new(String::new(), element)?]),
-        DType::Record(fields) if fields.is_empty() => Err("its elements have no fields".into()),
-        DType::Record(fields) => fields
-            .iter()
-            .map(|field| match &field.dtype {
-                DType::Plain(element) => Field::new(field.name.clone(), element),
-                _ => Err(format!("field {} is not a plain number", field.name)),
-            })
-            .collect(),
-        DType::Array(..) => Err("elements are arrays themselves; use a plain array".into()),
+        self.fields.push(Field { name: name.to_owned(), cell });
+        self.n_bytes += n_bytes;
+        Ok(())
     }
 }

@@ -36,8 +36,9 @@ fn read(file: File) -> Result<StoredTable, ParquetError> {
         notes.push("# exported by evrig, time in us".to_owned());
     }
     let mut columns = Vec::new();
-    for (i, column) in schema.columns().iter().enumerate() {
-        let Some(mut values) = empty_column(column) else { continue };
+    let described = schema.columns().iter().enumerate();
+    for (i, column) in described.filter(|(_, column)| is_of_numbers(column)) {
+        let mut values = Column::default();
         notes.extend(stated_unit(column));
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group)?;
@@ -61,16 +62,14 @@ fn stated_unit(column: &ColumnDescriptor) -> Option<String> {
     Some(format!("# time in {unit} (type of column {})", column.name()))
 }
 
-fn empty_column(column: &ColumnDescriptor) -> Option<Column> {
+/// Whether the cells are numbers, one a row.
+fn is_of_numbers(column: &ColumnDescriptor) -> bool {
     use parquet::basic::Type;
-    if column.max_rep_level() > 0 {
-        return None;
-    }
-    match column.physical_type() {
-        Type::BOOLEAN | Type::INT32 | Type::INT64 => Some(Column::Int(Vec::new())),
-        Type::FLOAT | Type::DOUBLE => Some(Column::Float(Vec::new())),
-        _ => None,
-    }
+    let is_number = matches!(
+        column.physical_type(),
+        Type::BOOLEAN | Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE
+    );
+    is_number && column.max_rep_level() == 0
 }
 
 fn append(
@@ -79,39 +78,38 @@ fn append(
     values: &mut Column,
 ) -> Result<(), ParquetError> {
     let is_u32 = column.converted_type() == ConvertedType::UINT_32;
-    match (reader, values) {
-        (ColumnReader::BoolColumnReader(reader), Column::Int(values)) => {
-            each(reader, column, |value| values.push(value.into()))
+    let whole = |value: i32| if is_u32 { i64::from(value as u32) } else { value.into() };
+    match reader {
+        ColumnReader::BoolColumnReader(reader) => each_batch(reader, column, |batch| {
+            values.extend_integers(batch.iter().map(|value| (*value).into()));
+        }),
+        ColumnReader::Int32ColumnReader(reader) => each_batch(reader, column, |batch| {
+            values.extend_integers(batch.iter().map(|value| whole(*value)));
+        }),
+        ColumnReader::Int64ColumnReader(reader) => {
+            each_batch(reader, column, |batch| values.extend_integers(batch.iter().copied()))
         }
-        (ColumnReader::Int32ColumnReader(reader), Column::Int(values)) => {
-            each(reader, column, |value: i32| {
-                values.push(if is_u32 { (value as u32).into() } else { value.into() });
-            })
-        }
-        (ColumnReader::Int64ColumnReader(reader), Column::Int(values)) => {
-            each(reader, column, |value| values.push(value))
-        }
-        (ColumnReader::FloatColumnReader(reader), Column::Float(values)) => {
-            each(reader, column, |value| values.push(value.into()))
-        }
-        (ColumnReader::DoubleColumnReader(reader), Column::Float(values)) => {
-            each(reader, column, |value| values.push(value))
+        ColumnReader::FloatColumnReader(reader) => each_batch(reader, column, |batch| {
+            values.extend_floats(batch.iter().map(|value| (*value).into()));
+        }),
+        ColumnReader::DoubleColumnReader(reader) => {
+            each_batch(reader, column, |batch| values.extend_floats(batch.iter().copied()))
         }
         _ => Ok(()),
     }
 }
 
-fn each<T: DataType>(
+fn each_batch<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     column: &ColumnDescriptor,
-    mut push: impl FnMut(T::T),
+    mut take: impl FnMut(&[T::T]),
 ) -> Result<(), ParquetError> {
     let mut values = Vec::new();
     let mut levels = Vec::new();
+    let is_optional = column.max_def_level() > 0;
     loop {
         values.clear();
         levels.clear();
-        let is_optional = column.max_def_level() > 0;
         let levels = is_optional.then_some(&mut levels);
         let (n_rows, n_values, _) =
             reader.read_records(ROWS_PER_BATCH, levels, None, &mut values)?;
@@ -122,6 +120,6 @@ fn each<T: DataType>(
         if n_rows == 0 {
             return Ok(());
         }
-        values.drain(..).for_each(&mut push);
+        take(&values);
     }
 }

@@ -99,3 +99,59 @@ fn dat_events_are_eight_bytes() {
     assert_eq!(found.events, events(&[(t, 303, 239, true), (t + 5, 1, 2, false)]));
     assert_eq!(found.size, Some(Size::new(304, 240)));
 }
+
+/// Whole words of `n_bytes` before a cut give their events, and a part of one is stated.
+fn is_read_up_to_every_cut(name: &str, header: &str, words: &[u8], n_bytes: usize) {
+    let whole = read(name, header, words);
+    assert!(whole.damage.is_none() && !whole.events.is_empty(), "{name}");
+    for end in 0..words.len() {
+        let cut = read(name, header, &words[..end]);
+        let n = cut.events.len();
+        assert_eq!(cut.events.as_slice(), whole.events.as_slice().range(0, n), "{name}: {end}");
+        let up_to_a_word = read(name, header, &words[..end / n_bytes * n_bytes]);
+        assert_eq!(cut.events, up_to_a_word.events, "{name}: {end}");
+        let is_stated = cut.damage.is_some_and(|what| what.contains("the file is cut"));
+        assert_eq!(is_stated, end % n_bytes > 0, "{name}: {end}");
+    }
+}
+
+#[test]
+fn files_cut_anywhere_are_read_up_to_the_cut() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.raw");
+    let planted: Events =
+        (0..40).map(|i| Event { t: 700 * i, x: i as u16, y: 3, on: i % 3 == 0 }).collect();
+    write_evt3(&path, planted.as_slice(), Size::new(64, 8)).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let end = bytes.windows(6).position(|part| part == b"% end\n").unwrap() + 6;
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    is_read_up_to_every_cut("a.raw", &header, &bytes[end..], 2);
+    let evt2: Vec<u8> = (0..20_u32)
+        .flat_map(|i| [(8 << 28) | i, (1 << 28) | (i << 22) | (i << 11) | 5])
+        .flat_map(u32::to_le_bytes)
+        .collect();
+    is_read_up_to_every_cut("a.raw", "% evt 2.0\n% end\n", &evt2, 4);
+    let evt21: Vec<u8> = (0..20_u64)
+        .flat_map(|i| [(8 << 60) | (i << 32), (1 << 60) | (i << 43) | (5 << 32) | 0b101])
+        .flat_map(u64::to_le_bytes)
+        .collect();
+    is_read_up_to_every_cut("a.raw", "% evt 2.1\n% end\n", &evt21, 8);
+    let dat: Vec<u8> =
+        (0..20_u32).flat_map(|i| [9 * i, i | (5 << 14)]).flat_map(u32::to_le_bytes).collect();
+    is_read_up_to_every_cut("a.dat", "% Data file containing CD events\n\u{c}\u{8}", &dat, 8);
+}
+
+#[test]
+fn a_file_cut_in_its_header_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.dat");
+    for (text, expected) in [
+        ("% Data file containing CD events\n\u{c}", "cut in its header"),
+        ("% da", "holds no events"),
+    ] {
+        std::fs::write(&path, text).unwrap();
+        let found = CameraEvents::gather(&path, None, |sink| super::read(&path, sink));
+        let error = found.unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}

@@ -63,7 +63,7 @@ impl PacketStream {
     fn on_ros_clock(
         &mut self,
         topic: &str,
-        events: Events,
+        mut events: Events,
         stamp_ns: i64,
         notes: &mut RecordingNotes,
     ) -> Events {
@@ -76,8 +76,8 @@ impl PacketStream {
             ));
             shift
         });
-        let moved = |event: Event| Event { t: event.t.saturating_add(shift), ..event };
-        events.as_slice().iter().map(moved).collect()
+        events.shift(shift);
+        events
     }
 }
 

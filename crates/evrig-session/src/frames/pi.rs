@@ -18,7 +18,7 @@ const IMX708_BLACK_LEVEL_DN: f32 = 64.0;
 enum PiSource {
     Log(Box<ImageReader>),
     Npy {
-        reader: ArrayReader<BufReader<File>>,
+        reader: Box<ArrayReader<BufReader<File>>>,
         stamps: std::iter::Zip<std::vec::IntoIter<i64>, std::vec::IntoIter<i64>>,
         size: Size,
     },
@@ -189,7 +189,7 @@ fn open_npy(path: &Path, size: Size) -> Result<PiSource, SessionError> {
     let [mut sensor, mut real] = [sensor, real];
     sensor.truncate(n);
     real.truncate(n);
-    Ok(PiSource::Npy { reader, stamps: sensor.into_iter().zip(real), size })
+    Ok(PiSource::Npy { reader: Box::new(reader), stamps: sensor.into_iter().zip(real), size })
 }
 
 /// The import wrote zero for a time that could not be read.

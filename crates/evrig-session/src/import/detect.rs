@@ -42,7 +42,7 @@ pub fn detect(path: &Path) -> Result<RecordingKind, SessionError> {
         None => {}
     }
     if start.starts_with(b"\x93NUMPY") {
-        let reader = ArrayReader::open(path)?;
+        let reader = ArrayReader::open_cut(path)?;
         let is_frames = reader.shape().len() == 3 && reader.unsigned_bytes().is_some();
         return Ok(if is_frames { RecordingKind::Frames } else { RecordingKind::Events });
     }

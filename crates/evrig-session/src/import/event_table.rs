@@ -11,17 +11,20 @@ mod stored;
 mod time_unit;
 
 pub use columns::ColumnOrder;
-pub(super) use floor::{check_area, check_overlap, check_stamps};
+use floor::check_area;
+pub(super) use floor::{check_overlap, check_stamps};
 pub use polarity::PolarityRule;
 pub use time_unit::TimeUnit;
 pub(super) use time_unit::{TIME_UNITS, seconds, stated_in, to_micros};
 
+use super::imported_events::TypedEvents;
 use crate::epochs::{EpochChoice, Epochs};
 use crate::{DataLoss, SessionError};
-use evrig_core::event::{Event, Events};
+use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 use evrig_format::StoredTable;
 use evrig_format::npy::Column;
+use floor::Coordinates;
 use std::path::Path;
 use time_unit::{StampResolution, TimeEvidence};
 
@@ -63,6 +66,20 @@ pub(super) struct ImportedEvents {
 /// The loss of order, the only one that changes no event.
 pub(super) const SORTED_BY_TIME: &str = "events out of order were sorted by time";
 
+impl ImportedEvents {
+    /// Refuses events that share no time with the frames.
+    ///
+    /// # Errors
+    /// With both spans.
+    pub(super) fn check_overlap(&self, setting: EventSetting) -> Result<(), String> {
+        let t = self.events.as_slice().t;
+        match (t.first(), t.last(), setting.frames_us) {
+            (Some(&begin), Some(&end), Some(frames)) => check_overlap([begin, end], frames),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Endings of tables.
 pub(super) const TABLE_ENDINGS: [&str; 10] =
     ["npy", "npz", "csv", "txt", "tsv", "zip", "h5", "hdf5", "hdf", "parquet"];
@@ -86,21 +103,19 @@ fn interpret(
     setting: EventSetting,
 ) -> Result<ImportedEvents, String> {
     if table.n_rows() == 0 {
-        return Err("holds no events".into());
+        return Err(table.damage.unwrap_or_else(|| "holds no events".into()));
     }
     let assignment = columns::assign(&table, options.columns.as_ref(), setting.size)?;
     let damage = table.damage.clone();
     let notes = table.notes;
     let mut taken: Vec<Option<Column>> =
         table.columns.into_iter().map(|(_, column)| Some(column)).collect();
-    let mut take = |i: usize| taken[assignment.columns[i]].take().unwrap_or(Column::Int(vec![]));
-    let [t, x, y, p] = [take(0), take(1), take(2), take(3)];
+    let [t, x, y, p] = assignment.columns.map(|i| taken[i].take().unwrap_or_default());
     let lengths = [t.len(), x.len(), y.len(), p.len()];
     if lengths.iter().any(|n| *n != lengths[0]) {
         return Err(format!("columns t, x, y, p have {lengths:?} values; expected equal numbers"));
     }
-    let x = floor::whole_coordinates("x", x)?;
-    let y = floor::whole_coordinates("y", y)?;
+    let (x, y) = (Coordinates::new("x", x)?, Coordinates::new("y", y)?);
     let mut decisions = vec![assignment.decision];
     let size = match setting.size {
         Some(size) => size,
@@ -112,8 +127,8 @@ fn interpret(
         notes.iter().find_map(note)
     });
     let unit = decide_unit(&t, stated, size, setting, table.t_offset_us, options)?;
-    let mut t_us = to_micros(&t, unit.0)
-        .map_err(|i| format!("event {i}: its time is beyond 64 bits of us"))?;
+    let mut t_us =
+        to_micros(t, unit.0).map_err(|i| format!("event {i}: its time is beyond 64 bits of us"))?;
     decisions.push(unit.1.clone());
     let (on, decision) = polarity::decide(p, options.polarity)?;
     decisions.push(decision);
@@ -137,31 +152,39 @@ fn decide_unit(
     offset_us: i64,
     options: &EventTableOptions,
 ) -> Result<(TimeUnit, String), String> {
-    let (range, resolution) = match t {
-        Column::Int(values) => {
-            (range(values.iter().map(|t| *t as f64).collect()), StampResolution::Whole)
-        }
-        Column::Float(values) => (range(values.clone()), resolution(values)),
+    let resolution = match t {
+        Column::Float(values) => resolution(values),
+        Column::Short(_) | Column::Int(_) => StampResolution::Whole,
     };
     // Events that are shifted are not where the frames are.
     let is_shifted = options.begin_us.is_some() || offset_us != 0;
     let frames_us = setting.frames_us.filter(|[first, last]| last > first && !is_shifted);
-    let evidence =
-        TimeEvidence { n: t.len(), range, resolution, n_pixels: size.n_pixels() as f64, frames_us };
+    let evidence = TimeEvidence {
+        n: t.len(),
+        range: range(t),
+        resolution,
+        n_pixels: size.n_pixels() as f64,
+        frames_us,
+    };
     evidence.decide(stated)
 }
 
 /// Range of the middle eight tenths of the times, which a few stray stamps do not change; of all
-/// where they are few.
-fn range(mut t: Vec<f64>) -> [f64; 2] {
-    let n_outer = if t.len() < MIN_EVENTS_FOR_TENTHS { 0 } else { t.len() / 10 };
-    let last = t.len().saturating_sub(1);
+/// where they are few. Many are sampled at equal steps.
+fn range(t: &Column) -> [f64; 2] {
+    let step = t.len().div_ceil(MAX_SAMPLED_TIMES).max(1);
+    let mut times: Vec<f64> = (0..t.len()).step_by(step).map(|i| t.get(i)).collect();
+    let n_outer = if t.len() < MIN_EVENTS_FOR_TENTHS { 0 } else { times.len() / 10 };
+    let last = times.len().saturating_sub(1);
     let mut nth = |i: usize| {
-        let (_, value, _) = t.select_nth_unstable_by(i, f64::total_cmp);
+        let (_, value, _) = times.select_nth_unstable_by(i, f64::total_cmp);
         *value
     };
     [nth(n_outer), nth(last - n_outer)]
 }
+
+/// Times whose tenths are sought: their standard error is 0.1 % of the events.
+const MAX_SAMPLED_TIMES: usize = 1 << 16;
 
 /// Fewer events have no tenths.
 const MIN_EVENTS_FOR_TENTHS: usize = 20;
@@ -179,8 +202,8 @@ fn resolution(values: &[f64]) -> StampResolution {
 
 /// The grid that a note states, or the smallest that holds the events.
 fn grid(
-    x: &[i64],
-    y: &[i64],
+    x: &Coordinates,
+    y: &Coordinates,
     notes: &[String],
     decisions: &mut Vec<String>,
 ) -> Result<Size, String> {
@@ -193,12 +216,12 @@ fn grid(
         decisions.push(format!("the sensor has {size} pixels (first line)"));
         return Ok(size);
     }
-    let side = |values: &[i64], name: &str| {
-        let most = values.iter().copied().max().unwrap_or(0);
-        let side = u16::try_from(most + 1).ok().filter(|side| *side > 0);
+    let side = |most: i64, name: &str| {
+        let side = most.checked_add(1).and_then(|side| u16::try_from(side).ok());
+        let side = side.filter(|side| *side > 0);
         side.ok_or_else(|| format!("{name} is up to {most}; expected 0 to 65534"))
     };
-    let size = Size::new(side(x, "x")?, side(y, "y")?);
+    let size = Size::new(side(x.bounds[1], "x")?, side(y.bounds[1], "y")?);
     decisions.push(format!("the sensor has {size} pixels, by its outermost events; see --size"));
     Ok(size)
 }
@@ -232,8 +255,8 @@ fn shift(
 /// Columns that are understood.
 struct EventRows {
     t_us: Vec<i64>,
-    x: Vec<i64>,
-    y: Vec<i64>,
+    x: Coordinates,
+    y: Coordinates,
     on: Vec<bool>,
 }
 
@@ -247,9 +270,9 @@ impl EventRows {
     ) -> Result<ImportedEvents, String> {
         let Self { t_us, mut x, mut y, on } = self;
         let mut decisions = Vec::new();
-        if is_one_based(&x, size.width) && is_one_based(&y, size.height) && setting.size.is_some() {
+        if x.is_one_based(size.width) && y.is_one_based(size.height) && setting.size.is_some() {
             decisions.push("x and y count from 1; they are stored from 0".into());
-            x.iter_mut().chain(&mut y).for_each(|v| *v -= 1);
+            x.values.iter_mut().chain(&mut y.values).for_each(|v| *v -= 1);
         }
         let epochs = Epochs::of_stamps(&t_us);
         let is_by_polarity = epochs.all.len() > 1 && are_of_one_polarity(&epochs, &on);
@@ -257,37 +280,16 @@ impl EventRows {
         if is_by_polarity {
             decisions.push("events of each polarity are in order of time; all were sorted".into());
         }
-        let mut losses = epochs.losses(stream, "events", choice)?;
-        let mut events = Events::with_capacity(t_us.len());
-        let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
-        for (i, &t) in t_us.iter().enumerate() {
-            let (Ok(column), Ok(row)) = (u16::try_from(x[i]), u16::try_from(y[i])) else {
-                n_outside += 1;
-                continue;
-            };
-            if !size.contains(column, row) {
-                n_outside += 1;
-            } else if epochs.is_chosen(i, choice) {
-                n_disordered += u64::from(t < last);
-                last = last.max(t);
-                events.push(Event { t, x: column, y: row, on: on[i] });
-            }
-        }
-        floor::check_grid(&x, &y, n_outside, size)?;
-        events.sort_by_time();
-        check_area(events.as_slice(), size)?;
-        let span = [events.as_slice().t.first(), events.as_slice().t.last()];
-        if let ([Some(&begin), Some(&end)], Some(frames)) = (span, setting.frames_us) {
-            check_overlap([begin, end], frames)?;
-        }
-        let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
-        if n_outside > 0 {
-            losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
-        }
-        if n_disordered > 0 {
-            losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
-        }
-        Ok(ImportedEvents { events, size, losses, decisions })
+        let [x_values, y_values] = [&mut x, &mut y].map(|c| std::mem::take(&mut c.values));
+        let events = Events::from_columns(t_us, x_values, y_values, on);
+        let events = events.map_err(|error| error.to_string())?;
+        let found =
+            TypedEvents { events, size }.keep(stream, &epochs, choice, |n, n_outside| {
+                floor::check_grid([&x, &y], n, n_outside, size)
+            })?;
+        check_area(found.events.as_slice(), size)?;
+        found.check_overlap(setting)?;
+        Ok(ImportedEvents { decisions, ..found })
     }
 }
 
@@ -298,13 +300,6 @@ fn are_of_one_polarity(epochs: &Epochs, on: &[bool]) -> bool {
         let of_epoch = &mut found[epochs.epoch_of(i as u64)];
         *of_epoch.get_or_insert(*on) == *on
     })
-}
-
-/// Whether coordinates run from 1 to the side, as MATLAB counts.
-fn is_one_based(values: &[i64], side: u16) -> bool {
-    let bounds =
-        values.iter().fold([i64::MAX, i64::MIN], |[min, max], v| [min.min(*v), max.max(*v)]);
-    side > 1 && bounds == [1, i64::from(side)]
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ pub(super) fn decide(
     }
     let (unit, decision) = decide_unit(&column, unit, note).map_err(wrong)?;
     let t_us =
-        to_micros(&column, unit).map_err(|i| wrong(format!("time {i} is beyond 64 bits of us")))?;
+        to_micros(column, unit).map_err(|i| wrong(format!("time {i} is beyond 64 bits of us")))?;
     if let Some(i) = t_us.windows(2).position(|pair| pair[1] <= pair[0]) {
         return Err(wrong(format!(
             "frame {} at {} us is not later than frame {i} at {} us (times read in {unit}); \
@@ -125,10 +125,7 @@ fn decide_unit(
     if let Some((unit, place)) = stated {
         return Ok((unit, format!("frame times are in {unit} ({place})")));
     }
-    let values: Vec<f64> = match column {
-        Column::Int(values) => values.iter().map(|value| *value as f64).collect(),
-        Column::Float(values) => values.clone(),
-    };
+    let values: Vec<f64> = (0..column.len()).map(|i| column.get(i)).collect();
     let is_whole = values.iter().all(|value| value.fract() == 0.0);
     if is_whole && values.len() > 2 && values.windows(2).all(|pair| pair[1] - pair[0] == 1.0) {
         return Err("counts frames, one by one; give their rate with --fps instead, or state the \

@@ -1,10 +1,9 @@
 //! Events of one stream out of a file of any kind that is read.
 
 use super::event_table::{
-    self, EventSetting, EventTableOptions, ImportedEvents, SORTED_BY_TIME, check_overlap,
-    check_stamps,
+    self, EventSetting, EventTableOptions, ImportedEvents, SORTED_BY_TIME, check_stamps,
 };
-use crate::epochs::Epochs;
+use crate::epochs::{EpochChoice, Epochs};
 use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;
 use evrig_core::frame::FrameTiming;
@@ -173,7 +172,8 @@ pub(super) fn read_aedat4(
         }
     }
     let size = setting.size.or(wanted.size).unwrap_or(Size::new(1, 1));
-    let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
+    let mut found = finish(stream, options, setting, TypedEvents { events, size })
+        .map_err(|what| SessionError::import(path, what))?;
     let loss = |what| DataLoss { stream: stream.to_owned(), what, count: 0 };
     found.losses.extend(damage.map(loss));
     Ok((found, frames))
@@ -202,7 +202,8 @@ fn of_camera(
             size
         }
     };
-    let mut found = finish(path, stream, options, setting, TypedEvents { events, size })?;
+    let mut found = finish(stream, options, setting, TypedEvents { events, size })
+        .map_err(|what| SessionError::import(path, what))?;
     let loss = |what, count| DataLoss { stream: stream.to_owned(), what, count };
     found.losses.extend(damage.map(|what| loss(what, 0)));
     let left_out = left_out.into_iter();
@@ -230,53 +231,68 @@ pub(super) fn refuse_table_options(
     }
 }
 
-/// Events of a format that states what they are.
-struct TypedEvents {
-    events: Events,
-    size: Size,
+/// Events of which is known what they are.
+pub(super) struct TypedEvents {
+    pub(super) events: Events,
+    pub(super) size: Size,
 }
 
-/// Keeps the chosen epoch and what is on the grid, in order of time.
+impl TypedEvents {
+    /// Keeps what is on the grid and of the chosen epoch, in order of time. `check_grid` refuses a
+    /// number of events of which too many are off the grid.
+    ///
+    /// # Errors
+    /// When there is no such epoch, or `check_grid` refuses.
+    pub(super) fn keep(
+        self,
+        stream: &str,
+        epochs: &Epochs,
+        choice: EpochChoice,
+        check_grid: impl FnOnce(usize, u64) -> Result<(), String>,
+    ) -> Result<ImportedEvents, String> {
+        let Self { mut events, size } = self;
+        let mut losses = epochs.losses(stream, "events", choice)?;
+        let n = events.len();
+        let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
+        events.retain(|i, event| {
+            let is_inside = size.contains(event.x, event.y);
+            n_outside += u64::from(!is_inside);
+            let is_kept = is_inside && epochs.is_chosen(i, choice);
+            if is_kept {
+                n_disordered += u64::from(event.t < last);
+                last = last.max(event.t);
+            }
+            is_kept
+        });
+        check_grid(n, n_outside)?;
+        events.sort_by_time();
+        let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
+        if n_outside > 0 {
+            losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
+        }
+        if n_disordered > 0 {
+            losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
+        }
+        Ok(ImportedEvents { events, size, losses, decisions: Vec::new() })
+    }
+}
+
+/// Keeps the chosen epoch of a camera's events, moved to where the user wants its beginning.
 fn finish(
-    path: &Path,
     stream: &str,
     options: &EventTableOptions,
     setting: EventSetting,
-    typed: TypedEvents,
-) -> Result<ImportedEvents, SessionError> {
-    let wrong = |what: String| SessionError::import(path, what);
-    let TypedEvents { events, size } = typed;
-    let all = events.as_slice();
-    let epochs = Epochs::of_stamps(all.t);
-    let mut losses = epochs.losses(stream, "events", options.epoch).map_err(wrong)?;
-    let first = all.t.iter().copied().min().unwrap_or(0);
-    let by = options.begin_us.map_or(0, |begin| begin.saturating_sub(first));
-    let mut kept = Events::with_capacity(all.len());
-    let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
-    for (i, event) in all.iter().enumerate() {
-        if !size.contains(event.x, event.y) {
-            n_outside += 1;
-        } else if epochs.is_chosen(i, options.epoch) {
-            n_disordered += u64::from(event.t < last);
-            last = last.max(event.t);
-            kept.push(evrig_core::event::Event { t: event.t.saturating_add(by), ..event });
-        }
-    }
-    if 2 * n_outside > all.len() as u64 {
-        return Err(wrong(format!("{n_outside} of {} events are off the {size} grid", all.len())));
-    }
-    kept.sort_by_time();
-    let t = kept.as_slice().t;
-    check_stamps(t).map_err(wrong)?;
-    if let (Some(&begin), Some(&end), Some(frames)) = (t.first(), t.last(), setting.frames_us) {
-        check_overlap([begin, end], frames).map_err(wrong)?;
-    }
-    let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
-    if n_outside > 0 {
-        losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
-    }
-    if n_disordered > 0 {
-        losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
-    }
-    Ok(ImportedEvents { events: kept, size, losses, decisions: Vec::new() })
+    mut typed: TypedEvents,
+) -> Result<ImportedEvents, String> {
+    let size = typed.size;
+    let epochs = Epochs::of_stamps(typed.events.as_slice().t);
+    let first = typed.events.as_slice().t.iter().copied().min().unwrap_or(0);
+    typed.events.shift(options.begin_us.map_or(0, |begin| begin.saturating_sub(first)));
+    let found = typed.keep(stream, &epochs, options.epoch, |n, n_outside| {
+        let what = || format!("{n_outside} of {n} events are off the {size} grid");
+        if 2 * n_outside > n as u64 { Err(what()) } else { Ok(()) }
+    })?;
+    check_stamps(found.events.as_slice().t)?;
+    found.check_overlap(setting)?;
+    Ok(found)
 }

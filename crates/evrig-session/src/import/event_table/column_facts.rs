@@ -24,11 +24,16 @@ const MAX_POLARITIES: usize = 3;
 impl ColumnFacts {
     pub(super) fn of(column: &Column) -> Self {
         match column {
+            Column::Short(values) => Self::of_values(values.iter().map(|value| (*value).into())),
             Column::Int(values) => Self::of_values(values.iter().map(|value| *value as f64)),
-            Column::Float(values) => Self::of_values(values.iter().copied()),
+            Column::Float(values) => Self {
+                is_whole: values.iter().all(|value| value.fract() == 0.0),
+                ..Self::of_values(values.iter().copied())
+            },
         }
     }
 
+    /// Facts of whole numbers.
     fn of_values(values: impl Iterator<Item = f64>) -> Self {
         let mut facts = Self {
             n: 0,
@@ -44,11 +49,15 @@ impl ColumnFacts {
             facts.n += 1;
             facts.min = facts.min.min(value);
             facts.max = facts.max.max(value);
-            facts.is_whole &= value.fract() == 0.0;
             facts.n_descents += usize::from(value < last);
             facts.n_negative += usize::from(value < 0.0);
-            if facts.distinct.len() <= MAX_POLARITIES && !facts.distinct.contains(&value) {
-                facts.distinct.push(value);
+            if facts.distinct.len() <= MAX_POLARITIES {
+                // Without a branch on each: polarities are as random as a coin.
+                let is_known =
+                    facts.distinct.iter().fold(false, |is, known| is | (*known == value));
+                if !is_known {
+                    facts.distinct.push(value);
+                }
             }
             last = value;
         }

@@ -18,35 +18,70 @@ pub(crate) fn check_stamps(t_us: &[i64]) -> Result<(), String> {
     if n < MIN_EVENTS {
         return Ok(());
     }
-    let mut sorted = t_us.to_vec();
-    sorted.sort_unstable();
-    // A stamp of nine tenths of the events is the median.
-    let median = sorted[n / 2];
-    let n_shared = t_us.iter().filter(|t| **t == median).count();
+    // A stamp of more than half of the events wins this vote (Boyer and Moore 1991).
+    let (mut shared, mut n_votes) = (0, 0_u64);
+    for t in t_us {
+        match n_votes {
+            0 => (shared, n_votes) = (*t, 1),
+            _ if *t == shared => n_votes += 1,
+            _ => n_votes -= 1,
+        }
+    }
+    let n_shared = t_us.iter().filter(|t| **t == shared).count();
     if 10 * n_shared < 9 * n {
         return Ok(());
     }
     Err(format!(
-        "{n_shared} of {n} events are at {median} us: the unit or the column of time is wrong; \
+        "{n_shared} of {n} events are at {shared} us: the unit or the column of time is wrong; \
          state them with --time-unit and --columns"
     ))
 }
 
-/// The whole numbers of a column of coordinates.
-///
-/// # Errors
-/// When one has a fraction.
-pub(super) fn whole_coordinates(name: &str, column: Column) -> Result<Vec<i64>, String> {
-    if let Column::Float(values) = &column
-        && let Some(i) = values.iter().position(|value| value.fract() != 0.0)
-    {
-        return Err(format!(
-            "event {i} has {name} = {}; expected whole pixels: these are undistorted or scaled \
-             coordinates, or another column; give the events as the camera recorded them",
-            values[i]
-        ));
+/// A column of coordinates.
+pub(super) struct Coordinates {
+    /// 65535, which is on no grid, where a value does not fit.
+    pub(super) values: Vec<u16>,
+    /// Smallest and largest as stored.
+    pub(super) bounds: [i64; 2],
+}
+
+impl Coordinates {
+    /// # Errors
+    /// When a value has a fraction or is not finite.
+    pub(super) fn new(name: &str, column: Column) -> Result<Self, String> {
+        if let Column::Float(values) = &column
+            && let Some(i) = values.iter().position(|value| value.fract() != 0.0)
+        {
+            return Err(format!(
+                "event {i} has {name} = {}; expected whole pixels: these are undistorted or scaled \
+                 coordinates, or another column; give the events as the camera recorded them",
+                values[i]
+            ));
+        }
+        let mut bounds = [i64::MAX, i64::MIN];
+        let mut pixel = |value: i64| {
+            bounds = [bounds[0].min(value), bounds[1].max(value)];
+            u16::try_from(value).unwrap_or(u16::MAX)
+        };
+        let values = match column {
+            Column::Short(values) => values.into_iter().map(|v| pixel(v.into())).collect(),
+            wide => {
+                let wide = wide.into_integers().map_err(|i| format!("event {i} has no {name}"))?;
+                wide.into_iter().map(pixel).collect()
+            }
+        };
+        Ok(Self { values, bounds })
     }
-    column.into_integers().map_err(|i| format!("event {i} has no {name}"))
+
+    /// Whether they run from 1 to the side, as MATLAB counts.
+    pub(super) fn is_one_based(&self, side: u16) -> bool {
+        side > 1 && self.bounds == [1, i64::from(side)]
+    }
+
+    /// Whether they are all on a grid of that side.
+    fn fit(&self, side: u16) -> bool {
+        self.bounds[0] >= 0 && self.bounds[1] < side.into()
+    }
 }
 
 /// Refuses events that all lie on one line of a grid with two sides.
@@ -79,19 +114,20 @@ pub(crate) fn check_area(events: EventSlice<'_>, size: Size) -> Result<(), Strin
 ///
 /// # Errors
 /// With the largest coordinates.
-pub(super) fn check_grid(x: &[i64], y: &[i64], n_outside: u64, size: Size) -> Result<(), String> {
-    let fits = |values: &[i64], side: u16| values.iter().all(|v| (0..side.into()).contains(v));
-    let is_turned = 100 * n_outside > x.len() as u64 && fits(x, size.height) && fits(y, size.width);
-    if 2 * n_outside <= x.len() as u64 && !is_turned {
+pub(super) fn check_grid(
+    [x, y]: [&Coordinates; 2],
+    n: usize,
+    n_outside: u64,
+    size: Size,
+) -> Result<(), String> {
+    let is_turned = 100 * n_outside > n as u64 && x.fit(size.height) && y.fit(size.width);
+    if 2 * n_outside <= n as u64 && !is_turned {
         return Ok(());
     }
-    let most = |values: &[i64]| values.iter().copied().max().unwrap_or(0);
     Err(format!(
-        "{n_outside} of {} events are off the {size} grid (x up to {}, y up to {}): the events are \
+        "{n_outside} of {n} events are off the {size} grid (x up to {}, y up to {}): the events are \
          of another sensor size, or x and y are in another order; see --columns",
-        x.len(),
-        most(x),
-        most(y)
+        x.bounds[1], y.bounds[1]
     ))
 }
 

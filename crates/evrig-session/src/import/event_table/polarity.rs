@@ -39,21 +39,32 @@ pub(super) fn decide(
     column: Column,
     rule: Option<PolarityRule>,
 ) -> Result<(Vec<bool>, String), String> {
-    const REMEDY: &str = "state the values of ON and OFF with --polarity, as 1,0";
     if let Column::Float(values) = &column
         && let Some(i) = values.iter().position(|value| value.fract() != 0.0)
     {
         return Err(format!("event {i} has polarity {}; expected 1 and 0, or 1 and -1", values[i]));
     }
-    let values = column.into_integers().map_err(|i| format!("event {i} has no polarity"))?;
-    let stated = rule.is_some();
-    let rule = match rule {
+    match column {
+        Column::Short(values) => by_rule(&values, rule),
+        wide => {
+            let values = wide.into_integers().map_err(|i| format!("event {i} has no polarity"))?;
+            by_rule(&values, rule)
+        }
+    }
+}
+
+fn by_rule<T: Copy + PartialEq + Into<i64>>(
+    values: &[T],
+    stated: Option<PolarityRule>,
+) -> Result<(Vec<bool>, String), String> {
+    const REMEDY: &str = "state the values of ON and OFF with --polarity, as 1,0";
+    let rule = match stated {
         Some(rule) => rule,
         None => {
             let mut distinct: Vec<i64> = Vec::new();
-            for value in &values {
-                if !distinct.contains(value) {
-                    distinct.push(*value);
+            for value in values.iter().map(|value| (*value).into()) {
+                if !distinct.contains(&value) {
+                    distinct.push(value);
                     if distinct.len() > 2 {
                         break;
                     }
@@ -66,25 +77,31 @@ pub(super) fn decide(
                 [-1] | [-1, 1] => PolarityRule { on: 1, off: -1 },
                 [off] | [1, off] if is_wrapped(off) => PolarityRule { on: 1, off: *off },
                 _ => {
-                    let i = values.iter().position(|v| !matches!(v, 0 | 1)).unwrap_or(0);
+                    let other = values.iter().position(|v| !matches!((*v).into(), 0 | 1));
+                    let i = other.unwrap_or(0);
                     return Err(format!(
                         "event {i} has polarity {} and the values begin with {distinct:?}; \
                          expected 1 and 0, or 1 and -1; {REMEDY}",
-                        values[i]
+                        values[i].into()
                     ));
                 }
             }
         }
     };
-    if let Some(i) = values.iter().position(|value| *value != rule.on && *value != rule.off) {
+    let is_on = |value: &T| (*value).into() == rule.on;
+    // Without a branch on each: polarities are as random as a coin.
+    let is_other = |value: &T| !is_on(value) & ((*value).into() != rule.off);
+    if let Some(i) = values.iter().position(is_other) {
         return Err(format!(
             "event {i} has polarity {}; expected {} for ON or {} for OFF; {REMEDY}",
-            values[i], rule.on, rule.off
+            values[i].into(),
+            rule.on,
+            rule.off
         ));
     }
-    let on: Vec<bool> = values.iter().map(|value| *value == rule.on).collect();
+    let on: Vec<bool> = values.iter().map(is_on).collect();
     let n_on = on.iter().filter(|on| **on).count();
-    let place = if stated { " (--polarity)" } else { "" };
+    let place = if stated.is_some() { " (--polarity)" } else { "" };
     let decision = format!(
         "polarity {} is ON and {} is OFF{place}: {n_on} ON, {} OFF",
         rule.on,

@@ -1,7 +1,7 @@
 //! Tables of every container as columns.
 
 use crate::SessionError;
-use evrig_format::npy::{Array, ArrayReader, Npz};
+use evrig_format::npy::{ArrayReader, Npz};
 use evrig_format::{StoredTable, hdf5, parquet, text};
 use std::path::Path;
 
@@ -9,10 +9,7 @@ use std::path::Path;
 pub(super) fn read(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     Ok(match ending.as_str() {
-        "npy" => {
-            let array = ArrayReader::open(path)?.read_all()?;
-            of_array(array).map_err(|what| SessionError::import(path, what))?
-        }
+        "npy" => ArrayReader::open_cut(path)?.read_table()?,
         "npz" => of_npz(path, table)?,
         "h5" | "hdf5" | "hdf" => hdf5::read_events(path, table)?,
         "parquet" => parquet::read_table(path)
@@ -40,29 +37,12 @@ fn of_text(path: &Path, error: text::TextTableError) -> SessionError {
     SessionError::import(path, what)
 }
 
-/// A structured array with named fields, or a plain one of N rows.
-fn of_array(array: Array) -> Result<StoredTable, String> {
-    if array.fields.len() > 1 {
-        return Ok(StoredTable::of_columns(array.fields));
-    }
-    let Some((_, values)) = array.fields.into_iter().next() else {
-        return Err("holds an empty array".into());
-    };
-    match array.shape.as_slice() {
-        [_, n @ 4..=8] => Ok(StoredTable::of_rows(&values, *n as usize)),
-        shape => Err(format!(
-            "has shape {shape:?}; expected (N, 4) with columns t, x, y, p, or records with fields \
-             t, x, y, p"
-        )),
-    }
-}
-
 fn of_npz(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError> {
     let wrong = |what: String| SessionError::import(path, what);
     let mut npz = Npz::open(path)?;
     let names = npz.names();
     if let Some(name) = table {
-        return of_array(npz.array(name)?).map_err(wrong);
+        return Ok(npz.open_array(name)?.read_table()?);
     }
     // Arrays of one column each.
     let columns: Vec<&String> = names.iter().filter(|name| is_column(name)).collect();
@@ -84,7 +64,7 @@ fn of_npz(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError>
              another one is chosen with --table"
         )));
     };
-    let mut read = of_array(npz.array(name)?).map_err(wrong)?;
+    let mut read = npz.open_array(name)?.read_table()?;
     // Arrays that only `evrig export` writes beside its events, which are in us.
     if names.iter().any(|name| name.ends_with("_first_event")) {
         read.notes.push("# exported by evrig, time in us".into());

@@ -1,6 +1,7 @@
 //! Tables whose meaning is planted come back as it is, or are refused.
 
 use super::*;
+use evrig_format::npy::ArrayWriter;
 
 const N: usize = 200;
 
@@ -152,6 +153,24 @@ fn a_restarted_clock_is_parted() {
     let alone = EventSetting { size: FRAMES.size, frames_us: None };
     let found = read(restarted, alone).unwrap();
     assert_eq!((found.events.len(), found.losses[0].count), (180, 20));
+}
+
+#[test]
+fn a_cut_table_gives_its_whole_rows_and_a_loss() {
+    let directory = tempfile::tempdir().unwrap();
+    let [npy, csv] = ["a.npy", "a.csv"].map(|name| directory.path().join(name));
+    let mut writer = ArrayWriter::<i64>::create(&npy, &[N as u64, 4]).unwrap();
+    planted().iter().for_each(|row| writer.extend(row).unwrap());
+    writer.finish().unwrap();
+    let line = |[t, x, y, p]: [i64; 4]| format!("{t},{x},{y},{p}\n");
+    std::fs::write(&csv, planted().into_iter().map(line).collect::<String>()).unwrap();
+    for path in [npy, csv] {
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 5]).unwrap();
+        let found = super::read(&path, "real", &EventTableOptions::default(), FRAMES).unwrap();
+        assert_eq!(found.events.as_slice().t.last(), Some(&99_000), "{}", path.display());
+        assert!(found.losses[0].what.contains("the file is cut"), "{:?}", found.losses);
+    }
 }
 
 #[test]

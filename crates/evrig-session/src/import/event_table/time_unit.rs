@@ -1,5 +1,6 @@
 //! The unit of a column of times: stated by a heading, or the only one that fits the data.
 
+use evrig_format::npy::Column;
 use std::fmt;
 use std::str::FromStr;
 
@@ -88,19 +89,15 @@ impl FromStr for TimeUnit {
 ///
 /// # Errors
 /// The index of the first value that does not fit.
-pub(crate) fn to_micros(
-    column: &evrig_format::npy::Column,
-    unit: TimeUnit,
-) -> Result<Vec<i64>, usize> {
-    use evrig_format::npy::Column;
+pub(crate) fn to_micros(column: Column, unit: TimeUnit) -> Result<Vec<i64>, usize> {
     let convert = |(i, micros): (usize, Option<i64>)| micros.ok_or(i);
     match column {
-        Column::Int(values) => {
-            let micros = values.iter().map(|value| unit.whole_to_micros(*value));
+        Column::Float(values) => {
+            let micros = values.into_iter().map(|value| unit.to_micros(value));
             micros.enumerate().map(convert).collect()
         }
-        Column::Float(values) => {
-            let micros = values.iter().map(|value| unit.to_micros(*value));
+        whole => {
+            let micros = whole.into_integers()?.into_iter().map(|t| unit.whole_to_micros(t));
             micros.enumerate().map(convert).collect()
         }
     }

@@ -1,27 +1,60 @@
-//! Writes events in every format that the library writes, reads them back and prints events per second.
+//! Reads events in every format as `evrig import` does, and prints for each the million events per
+//! second of processor time and the peak of memory in bytes per event, 13 of which are the events.
 //!
-//! `cargo run --release -p evrig-format --example reader_speed -- [MILLIONS]`
+//! `cargo run --release -p evrig-session --example reader_speed -- [MILLIONS]`
 
 #![allow(clippy::expect_used, clippy::print_stdout)]
 
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
-use evrig_format::aedat4::{Compression, Content, Reader, StreamSpec, Writer};
-use evrig_format::npy::{ArrayReader, ArrayWriter};
-use evrig_format::{
-    CameraFileError, RecordingNotes, RecordingSink, aedat2, aedat3, hdf5, parquet, prophesee,
-    rosbag2, text,
-};
+use evrig_format::aedat4::{Compression, StreamSpec, Writer};
+use evrig_format::npy::ArrayWriter;
+use evrig_format::{hdf5, parquet, prophesee, rosbag2};
+use evrig_session::import::{EventTableOptions, read_recording};
+use rustix::time::{ClockId, clock_gettime};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use std::time::Instant;
+use std::process::Command;
 
 const SIZE: Size = Size::new(346, 260);
 
+const FILES: [(&str, &str); 12] = [
+    ("text, us, commas", "us.csv"),
+    ("text, s, blanks", "s.txt"),
+    ("EVT 3.0", "a.raw"),
+    ("AEDAT 2", "2.aedat"),
+    ("AEDAT 3.1", "3.aedat"),
+    ("DAT", "a.dat"),
+    ("ROS 2 MCAP, evt3, zstd", "a.mcap"),
+    ("HDF5 (v2e)", "a.h5"),
+    ("HDF5 (DSEC, gzip)", "b.h5"),
+    ("Parquet, zstd", "a.parquet"),
+    ("npy, N x 4, int64", "a.npy"),
+    ("AEDAT4, LZ4", "4.aedat4"),
+];
+
 fn main() {
-    let millions = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(10);
-    let n = millions * 1_000_000_i64;
+    let argument = std::env::args().nth(1);
+    if let Some(path) = argument.as_ref().map(Path::new).filter(|path| path.is_file()) {
+        return measure(path);
+    }
+    let millions: i64 = argument.and_then(|n| n.parse().ok()).unwrap_or(10);
+    let directory = std::env::temp_dir().join("evrig-reader-speed");
+    std::fs::create_dir_all(&directory).expect("a folder");
+    write_all(&directory, millions * 1_000_000);
+    let program = std::env::current_exe().expect("this program");
+    for (name, file) in FILES {
+        print!("{name:24}");
+        std::io::stdout().flush().expect("a terminal");
+        // A program of its own has no memory left from another file.
+        let status = Command::new(&program).arg(directory.join(file)).status();
+        assert!(status.is_ok_and(|status| status.success()), "{name}");
+    }
+    std::fs::remove_dir_all(&directory).expect("the folder is removed");
+}
+
+fn write_all(directory: &Path, n: i64) {
     let mut x = 1_u64;
     let events: Events = (0..n)
         .map(|i| {
@@ -30,86 +63,55 @@ fn main() {
             Event { t: i / 3, x: a as u16, y: b as u16, on: x >> 63 == 1 }
         })
         .collect();
-    let directory = std::env::temp_dir().join("evrig-reader-speed");
-    std::fs::create_dir_all(&directory).expect("a folder");
     let at = |name: &str| directory.join(name);
     write_texts(&events, &at("us.csv"), &at("s.txt")).expect("texts");
-    measure("text, us, commas", &at("us.csv"), n, |path| {
-        text::read_table(path).expect("a table").n_rows() as i64
-    });
-    measure("text, s, blanks", &at("s.txt"), n, |path| {
-        text::read_table(path).expect("a table").n_rows() as i64
-    });
     prophesee::write_evt3(&at("a.raw"), events.as_slice(), SIZE).expect("EVT 3");
-    measure("EVT 3.0", &at("a.raw"), n, |path| count(|sink| prophesee::read(path, sink)));
     write_words(&events, &at("2.aedat"), &at("3.aedat"), &at("a.dat")).expect("words");
-    measure("AEDAT 2", &at("2.aedat"), n, |path| count(|sink| aedat2::read(path, None, sink)));
-    measure("AEDAT 3.1", &at("3.aedat"), n, |path| count(|sink| aedat3::read(path, sink)));
-    measure("DAT", &at("a.dat"), n, |path| count(|sink| prophesee::read(path, sink)));
     rosbag2::write_packets(&at("a.mcap"), "/e", events.as_slice(), SIZE).expect("MCAP");
-    measure("ROS 2 MCAP, evt3, zstd", &at("a.mcap"), n, |path| {
-        count(|sink| rosbag2::read(path, sink))
-    });
     hdf5::write_v2e(&at("a.h5"), events.as_slice()).expect("HDF5");
-    measure("HDF5 (v2e)", &at("a.h5"), n, |path| {
-        hdf5::read_events(path, None).expect("a table").n_rows() as i64
-    });
     hdf5::write_dsec(&at("b.h5"), events.as_slice(), &[], "{}").expect("HDF5");
-    measure("HDF5 (DSEC, gzip)", &at("b.h5"), n, |path| {
-        hdf5::read_events(path, None).expect("a table").n_rows() as i64
-    });
     parquet::write_events(&at("a.parquet"), events.as_slice(), &[]).expect("Parquet");
-    measure("Parquet", &at("a.parquet"), n, |path| {
-        parquet::read_table(path).expect("a table").n_rows() as i64
-    });
     let mut array = ArrayWriter::<i64>::create(&at("a.npy"), &[n as u64, 4]).expect("npy");
     for e in events.as_slice().iter() {
         array.extend(&[e.t, e.x.into(), e.y.into(), e.on.into()]).expect("npy");
     }
     array.finish().expect("npy");
-    measure("npy, N x 4, int64", &at("a.npy"), n, |path| {
-        let array = ArrayReader::open(path).and_then(ArrayReader::read_all).expect("an array");
-        array.fields[0].1.len() as i64 / 4
-    });
     write_aedat4(&events, &at("4.aedat4"));
-    measure("AEDAT4, LZ4", &at("4.aedat4"), n, |path| {
-        let packets = Reader::open(path).expect("AEDAT4").map_while(Result::ok);
-        packets.map(|packet| n_events(&packet.content)).sum()
-    });
-    std::fs::remove_dir_all(&directory).expect("the folder is removed");
 }
 
-fn measure(name: &str, path: &Path, n: i64, read: impl Fn(&Path) -> i64) {
+fn measure(path: &Path) {
     let mut best = f64::INFINITY;
-    for _ in 0..3 {
-        let begin = Instant::now();
-        assert_eq!(read(path), n, "{name}");
-        best = best.min(begin.elapsed().as_secs_f64());
-    }
-    println!("{name:24} {:7.1} Mev/s", n as f64 / best / 1e6);
-}
-
-fn n_events(content: &Content) -> i64 {
-    match content {
-        Content::Events(events) => events.len() as i64,
-        _ => 0,
-    }
-}
-
-fn count(read: impl Fn(&mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError>) -> i64 {
+    let [before, mut peak] = [resident(), 0];
     let mut n = 0;
-    read(&mut |_, content| {
-        n += n_events(&content);
-        Ok(())
-    })
-    .expect("a recording");
-    n
+    for _ in 0..3 {
+        let begin = processor_seconds();
+        let found = read_recording(path, None, &EventTableOptions::default()).expect("events");
+        best = best.min(processor_seconds() - begin);
+        n = found.events.len();
+        peak = if peak == 0 { resident() } else { peak };
+    }
+    let (speed, bytes) = (n as f64 / best / 1e6, (peak - before) as f64 / n as f64);
+    println!("{speed:7.1} Mev/s {bytes:7.1} B/event");
+}
+
+/// Processor time of all threads, which other programs on the machine do not change.
+fn processor_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+/// The most bytes that this process has had in memory (Linux).
+fn resident() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let line = status.lines().find(|line| line.starts_with("VmHWM")).expect("a peak");
+    line.split_whitespace().nth(1).and_then(|kb| kb.parse().ok()).unwrap_or(0) * 1024
 }
 
 fn write_texts(events: &Events, us: &Path, s: &Path) -> std::io::Result<()> {
     let mut us = BufWriter::new(File::create(us)?);
     let mut s = BufWriter::new(File::create(s)?);
-    us.write_all(b"t,x,y,p\n")?;
+    us.write_all(b"t_us,x,y,p\n")?;
+    s.write_all(b"# time in s\n")?;
     for e in events.as_slice().iter() {
         let p = u8::from(e.on);
         writeln!(us, "{},{},{},{p}", e.t, e.x, e.y)?;
