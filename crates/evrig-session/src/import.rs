@@ -16,6 +16,7 @@ mod imported_events;
 mod raw2event;
 mod raw_frames;
 mod simulated_events;
+mod typed_events;
 
 pub use crate::epochs::EpochChoice;
 pub use aedat4::import_aedat4;

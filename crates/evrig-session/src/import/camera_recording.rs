@@ -1,7 +1,8 @@
 //! The events of a recording, and when its camera took frames, without making a session.
 
 use super::detect::{RecordingKind, detect};
-use super::event_table::{EventSetting, EventTableOptions, ImportedEvents};
+use super::event_table::{EventSetting, EventTableOptions};
+use super::typed_events::ImportedEvents;
 use super::{frame_times, imported_events};
 use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;

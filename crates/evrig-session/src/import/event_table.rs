@@ -17,7 +17,7 @@ pub use polarity::PolarityRule;
 pub use time_unit::TimeUnit;
 pub(super) use time_unit::{TIME_UNITS, seconds, stated_in, to_micros};
 
-use super::imported_events::TypedEvents;
+use super::typed_events::{ImportedEvents, TypedEvents};
 use crate::epochs::{EpochChoice, Epochs};
 use crate::{DataLoss, SessionError};
 use evrig_core::event::Events;
@@ -53,18 +53,6 @@ pub(super) struct EventSetting {
     /// First and last frame, µs.
     pub(super) frames_us: Option<[i64; 2]>,
 }
-
-/// Events read from a file, what of them could not be taken, and what was decided about them.
-#[derive(Debug)]
-pub(super) struct ImportedEvents {
-    pub(super) events: Events,
-    pub(super) size: Size,
-    pub(super) losses: Vec<DataLoss>,
-    pub(super) decisions: Vec<String>,
-}
-
-/// The loss of order, the only one that changes no event.
-pub(super) const SORTED_BY_TIME: &str = "events out of order were sorted by time";
 
 impl ImportedEvents {
     /// Refuses events that share no time with the frames.

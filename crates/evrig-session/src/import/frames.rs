@@ -1,9 +1,10 @@
 //! ImportedFrames from an array or a folder, with events of the same grid if there are any.
 
 use super::builder::SessionBuilder;
-use super::event_table::{EventSetting, EventTableOptions, ImportedEvents, TimeUnit};
+use super::event_table::{EventSetting, EventTableOptions, TimeUnit};
 use super::frame_times::{self, DecidedTimes, FrameTimes};
 use super::raw_frames::{self, RAW_ENDINGS, RawFrameOptions};
+use super::typed_events::ImportedEvents;
 use super::{images, imported_events};
 use crate::manifest::file_name;
 use crate::{

@@ -1,7 +1,8 @@
 //! Events that a simulator made of frames: all of them on the frames' grid and in their time.
 
-use super::event_table::{EventSetting, EventTableOptions, SORTED_BY_TIME};
+use super::event_table::{EventSetting, EventTableOptions};
 use super::imported_events;
+use super::typed_events::SORTED_BY_TIME;
 use crate::SessionError;
 use crate::epochs::EpochChoice;
 use evrig_core::event::{Event, Events};
