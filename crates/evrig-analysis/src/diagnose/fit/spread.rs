@@ -62,6 +62,17 @@ fn quadratic(evidence: &Evidence, model: &CameraModel, p: usize) -> PixelThresho
     }
 }
 
+/// Thresholds about their mean over the pixels, which belongs to the camera's constants: an ON/OFF
+/// ratio is no difference between pixels.
+fn centred(mut pixels: Vec<PixelThresholds>) -> Vec<PixelThresholds> {
+    for side in 0..2 {
+        let weighed = pixels.iter().map(|p| [p.information[2 * side], p.mode[side]]);
+        let [n, sum] = weighed.fold([0.0; 2], |[n, sum], [w, mode]| [n + w, sum + w * mode]);
+        pixels.iter_mut().for_each(|pixel| pixel.mode[side] -= sum / n);
+    }
+    pixels
+}
+
 /// Log marginal likelihood of a spread.
 fn marginal(pixels: &[PixelThresholds], sd: f64) -> f64 {
     pixels
@@ -81,8 +92,8 @@ fn marginal(pixels: &[PixelThresholds], sd: f64) -> f64 {
 /// The model with the posterior means of the thresholds; the spread and its 90 % interval by the
 /// marginal likelihood.
 pub(crate) fn estimate(evidence: &Evidence, model: &CameraModel) -> (CameraModel, [f64; 3]) {
-    let pixels: Vec<PixelThresholds> =
-        (0..evidence.pixels.len()).into_par_iter().map(|p| quadratic(evidence, model, p)).collect();
+    let pixels = (0..evidence.pixels.len()).into_par_iter();
+    let pixels = centred(pixels.map(|p| quadratic(evidence, model, p)).collect());
     let grid: Vec<f64> =
         (0..200).map(|i| 0.002 * 1.03_f64.powi(i)).take_while(|s| *s < 0.8).collect();
     let scores: Vec<f64> = grid.iter().map(|s| marginal(&pixels, *s)).collect();
