@@ -67,7 +67,7 @@ pub fn write_paper_table(
         PathBuf::from(name)
     });
     let [tex, csv] = &paths;
-    std::fs::write(tex, latex_table(aggregate, &columns, &groups)).map_err(BatchError::io(tex))?;
+    evrig_session::write_whole(tex, latex_table(aggregate, &columns, &groups).as_bytes())?;
     write_csv(csv, csv_rows(&columns, &groups).into_iter())?;
     Ok(paths)
 }

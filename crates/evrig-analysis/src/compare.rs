@@ -282,6 +282,19 @@ struct ProfilePair<'a> {
     bootstrap: Bootstrap,
 }
 
+impl ProfilePair<'_> {
+    /// Why a measure that needs events of both streams is unknown, if so.
+    fn missing_events(&self) -> Option<&'static str> {
+        if self.real.n == 0 {
+            Some("there are no real events")
+        } else if self.simulated.n == 0 {
+            Some("there are no simulated events")
+        } else {
+            None
+        }
+    }
+}
+
 fn check_setup(setup: &Setup<'_>) -> Result<(), CompareError> {
     let [start_us, end_us] = setup.window;
     // Bin arithmetic multiplies the window's length by the number of bins.

@@ -18,7 +18,7 @@
 use super::ProfilePair;
 use super::interval_bins::{N_FINE, log_middle};
 use super::interval_tv::missing_intervals;
-use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, chance_level};
 use super::profile::StreamProfile;
 use super::sinkhorn::{self, Divergence};
 use evrig_core::stats::dot;
@@ -70,9 +70,7 @@ pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     let estimate = pair.bootstrap.estimate(n_real.len(), n, |w| {
         dot(w, &score_real) / dot(w, &n_real) + dot(w, &score_simulated) / dot(w, &n_simulated)
     });
-    let chance: Vec<f64> = chance.into_iter().filter(|distance| distance.is_finite()).collect();
-    let chance_level =
-        (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
+    let chance_level = chance_level(chance.into_iter());
     let numerical_error = Some(result.last_change);
     Measure { chance_level, numerical_error, ..DEFINITION.with(estimate) }
 }

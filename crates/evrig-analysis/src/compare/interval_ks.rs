@@ -17,7 +17,7 @@
 use super::ProfilePair;
 use super::interval_emd::histograms;
 use super::interval_tv::missing_intervals;
-use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, chance_level};
 use super::profile::StreamProfile;
 use evrig_core::stats::dot;
 
@@ -57,10 +57,7 @@ pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
         let (one, other) = histograms(pair, Some(&flips));
         largest_difference(&one, &other).1.abs()
     });
-    let chance: Vec<f64> = chance.filter(|distance| distance.is_finite()).collect();
-    let chance_level =
-        (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
-    Measure { chance_level, ..DEFINITION.with(estimate) }
+    Measure { chance_level: chance_level(chance), ..DEFINITION.with(estimate) }
 }
 
 /// The bin at whose end two distribution functions differ most, and the difference there.

@@ -14,7 +14,9 @@
 
 use super::ProfilePair;
 use super::interval_bins::{FINE_PER_COARSE, N_COARSE};
-use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES};
+use super::measure::{
+    Cluster, Measure, MeasureDefinition, MeasureId, RAW2EVENT_MEASURES, chance_level,
+};
 use super::profile::StreamProfile;
 use evrig_core::stats::dot;
 
@@ -53,10 +55,7 @@ pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
         0.5 * difference
     });
     let chance = (0..N_SWAPS).map(|number| swapped(pair, &real, &simulated, number));
-    let chance: Vec<f64> = chance.filter(|distance| distance.is_finite()).collect();
-    let chance_level =
-        (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
-    Measure { chance_level, ..DEFINITION.with(estimate) }
+    Measure { chance_level: chance_level(chance), ..DEFINITION.with(estimate) }
 }
 
 /// Why an interval measure is unknown, if so.

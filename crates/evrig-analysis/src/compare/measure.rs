@@ -164,6 +164,12 @@ impl MeasureDefinition {
     }
 }
 
+/// Mean of the known distances between streams of one distribution, for [`Measure::chance_level`].
+pub(super) fn chance_level(distances: impl Iterator<Item = f64>) -> Option<f64> {
+    let known: Vec<f64> = distances.filter(|distance| distance.is_finite()).collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+}
+
 impl Measure {
     /// Whether the value lies in the healthy range; none without a range or a value.
     #[must_use]

@@ -27,11 +27,8 @@ pub(super) fn measure(pair: &ProfilePair<'_>) -> Measure {
     let of_each = |measure: Measure| {
         measure.of_each(share(&real_on, &real), share(&simulated_on, &simulated))
     };
-    if pair.real.n == 0 {
-        return of_each(DEFINITION.unknown("there are no real events"));
-    }
-    if pair.simulated.n == 0 {
-        return of_each(DEFINITION.unknown("there are no simulated events"));
+    if let Some(because) = pair.missing_events() {
+        return of_each(DEFINITION.unknown(because));
     }
     let n = pair.real.n + pair.simulated.n;
     let signed = pair.bootstrap.estimate(real.len(), n, |w| {

@@ -7,7 +7,8 @@ use evrig_core::geometry::Size;
 /// Time blocks of the cluster bootstrap.
 pub(super) const N_BLOCKS: usize = 40;
 /// Half bins of the rate curve: 240 bins of two halves, six bins per time block.
-pub(super) const N_HALF_BINS: usize = N_BLOCKS * 12;
+pub(super) const N_HALF_BINS: usize = N_BLOCKS * HALF_BINS_PER_BLOCK;
+const HALF_BINS_PER_BLOCK: usize = 12;
 /// Largest side of a tile, pixels.
 const LARGEST_TILE: usize = 16;
 /// With fewer tiles, their side is halved.
@@ -52,6 +53,11 @@ impl ClusterLayout {
     pub(super) fn half_bin(&self, t: i64) -> usize {
         let [start, end] = self.window;
         ((t - start) * N_HALF_BINS as i64 / (end - start)) as usize
+    }
+
+    /// The time block of a time in the window.
+    pub(super) fn block(&self, t: i64) -> usize {
+        self.half_bin(t) / HALF_BINS_PER_BLOCK
     }
 
     /// Events in the region: pixel index and index in the slice.
@@ -203,9 +209,8 @@ impl StreamProfile {
     /// Events of each time block: all, and ON.
     pub(super) fn by_block(&self) -> (Vec<f64>, Vec<f64>) {
         let sum = |counts: &[u64]| counts.iter().sum::<u64>() as f64;
-        let per_block = N_HALF_BINS / N_BLOCKS;
-        let on: Vec<f64> = self.on_over_time.chunks_exact(per_block).map(sum).collect();
-        let off = self.off_over_time.chunks_exact(per_block).map(sum);
+        let on: Vec<f64> = self.on_over_time.chunks_exact(HALF_BINS_PER_BLOCK).map(sum).collect();
+        let off = self.off_over_time.chunks_exact(HALF_BINS_PER_BLOCK).map(sum);
         (off.zip(&on).map(|(off, on)| off + on).collect(), on)
     }
 

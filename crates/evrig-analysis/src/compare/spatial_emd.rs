@@ -17,8 +17,8 @@
 //! Independent of time, polarity and number of events.
 
 use super::ProfilePair;
-use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
-use super::profile::{ClusterLayout, N_BLOCKS, N_HALF_BINS};
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, chance_level};
+use super::profile::{ClusterLayout, N_BLOCKS};
 use super::transport::{NodeGrid, TransportPlan, reach_excess, transport};
 use evrig_core::event::EventSlice;
 use evrig_core::stats::dot;
@@ -87,11 +87,8 @@ pub(super) fn measure(
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
 ) -> Measure {
-    if pair.real.n == 0 {
-        return DEFINITION.unknown("there are no real events");
-    }
-    if pair.simulated.n == 0 {
-        return DEFINITION.unknown("there are no simulated events");
+    if let Some(because) = pair.missing_events() {
+        return DEFINITION.unknown(because);
     }
     let cells = MassCells::of(pair.layout);
     let (real, simulated) =
@@ -105,8 +102,8 @@ pub(super) fn measure(
             _ => distance(&cells, &real, &simulated, &pair.bootstrap.flips(N_BLOCKS, number)),
         })
         .collect();
-    let chance: Vec<f64> =
-        results.drain(1..).flatten().map(|result| result.straight_cost).collect();
+    let swapped = results.drain(1..).flatten().map(|result| result.straight_cost);
+    let chance_cells = chance_level(swapped);
     let Some(result) = results.into_iter().flatten().next() else {
         return DEFINITION.unknown("there are no events");
     };
@@ -131,8 +128,7 @@ pub(super) fn measure(
     let least = side * result.cost / (1.0 + cells.excess());
     let numerical_error = Some((estimate.value - least).max(0.0) + within_cells(pair, &cells))
         .filter(|&error| error > 1e-6);
-    let chance_level =
-        (!chance.is_empty()).then(|| side * chance.iter().sum::<f64>() / chance.len() as f64);
+    let chance_level = chance_cells.map(|cells| side * cells);
     Measure { numerical_error, chance_level, ..DEFINITION.with(estimate) }
 }
 
@@ -142,7 +138,7 @@ fn block_maps(pair: &ProfilePair<'_>, cells: &MassCells, events: EventSlice<'_>)
         (0..pair.layout.size.n_pixels()).map(|pixel| cells.cell(pixel) as u32).collect();
     let mut maps = vec![vec![0_u32; cells.n()]; N_BLOCKS];
     for (pixel, i) in pair.layout.in_region(events) {
-        let block = pair.layout.half_bin(events.t[i]) / (N_HALF_BINS / N_BLOCKS);
+        let block = pair.layout.block(events.t[i]);
         maps[block][cell_of[pixel] as usize] += 1;
     }
     maps

@@ -14,8 +14,8 @@
 //! rate; delays of single pixels that cancel over the grid are not seen.
 
 use super::ProfilePair;
-use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId};
-use super::profile::{N_BLOCKS, N_HALF_BINS};
+use super::measure::{Cluster, Measure, MeasureDefinition, MeasureId, chance_level};
+use super::profile::N_BLOCKS;
 use evrig_core::event::EventSlice;
 use evrig_core::stats::dot;
 
@@ -38,17 +38,14 @@ pub(super) fn measure(
     real: EventSlice<'_>,
     simulated: EventSlice<'_>,
 ) -> Measure {
-    if pair.real.n == 0 {
-        return DEFINITION.unknown("there are no real events");
-    }
-    if pair.simulated.n == 0 {
-        return DEFINITION.unknown("there are no simulated events");
+    if let Some(because) = pair.missing_events() {
+        return DEFINITION.unknown(because);
     }
     let times = |events: EventSlice<'_>| -> Vec<i64> {
         pair.layout.in_region(events).map(|(_, i)| events.t[i]).collect()
     };
     let times = [times(simulated), times(real)];
-    let block_of = |t: i64| pair.layout.half_bin(t) / (N_HALF_BINS / N_BLOCKS);
+    let block_of = |t: i64| pair.layout.block(t);
     let counts = [pair.simulated.by_block().0, pair.real.by_block().0];
     let mut scores = [vec![0.0; N_BLOCKS], vec![0.0; N_BLOCKS]];
     let never = [false; N_BLOCKS];
@@ -71,10 +68,7 @@ pub(super) fn measure(
         let end = pair.layout.window[1];
         MS_PER_US * transport(end, &times, &counts, &flips, block_of, |_, _, _| {})
     });
-    let chance: Vec<f64> = chance.filter(|distance| distance.is_finite()).collect();
-    let chance_level =
-        (!chance.is_empty()).then(|| chance.iter().sum::<f64>() / chance.len() as f64);
-    Measure { chance_level, ..DEFINITION.with(estimate) }
+    Measure { chance_level: chance_level(chance), ..DEFINITION.with(estimate) }
 }
 
 /// Walks from the end of the window back over the events of both streams. `visit` takes stream,
