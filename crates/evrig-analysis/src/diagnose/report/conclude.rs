@@ -67,7 +67,11 @@ pub fn diagnose(
     } else {
         GoodnessOfFit::of(evidence, &findings.baseline, options.seed)
     };
-    let all = ModelScores::of(evidence, departures, &findings.baseline, &before, &found);
+    // Departures of the frames are part of what is explained, against the signal as stated.
+    let (stated, gains) = gains(evidence, departures, &findings.baseline);
+    let low = held_out(evidence, &stated.as_ref().unwrap_or(&findings.baseline).evaluation);
+    let departures: Vec<_> = departures.iter().zip(gains).collect();
+    let all = ModelScores::of(evidence, low, &before, &found);
     let verdict = verdict(findings.effects.is_empty(), all.share_removed(), &found.goodness);
     if verdict.names_effects() || findings.effects.is_empty() {
         return conclude(evidence, &sensor, departures, findings, &found, (all, verdict, before));
@@ -81,7 +85,7 @@ pub fn diagnose(
         ..found
     };
     let errors = standard_errors(evidence, &baseline);
-    let bare = ModelScores::of(evidence, departures, &baseline, &before, &found);
+    let bare = ModelScores::of(evidence, low, &before, &found);
     let findings = Findings { effects: Vec::new(), baseline, errors };
     let mut result =
         conclude(evidence, &sensor, departures, findings, &found, (bare, verdict, before));
@@ -97,27 +101,16 @@ struct ModelScores {
     upper_bound: f64,
     /// What the final model leaves.
     left: f64,
-    /// Gains of the departures and their errors.
-    departures: Vec<(f64, f64)>,
 }
 
 impl ModelScores {
-    fn of(
-        evidence: &Evidence,
-        departures: &[Departure],
-        baseline: &ModelFit,
-        before: &GoodnessOfFit,
-        found: &EffectSelection,
-    ) -> Self {
-        let (stated, gains) = gains(evidence, departures, baseline);
-        // Departures of the frames are part of what is explained, against the signal as stated.
-        let low = held_out(evidence, &stated.as_ref().unwrap_or(baseline).evaluation);
+    fn of(evidence: &Evidence, low: f64, before: &GoodnessOfFit, found: &EffectSelection) -> Self {
         let high = held_out(evidence, &found.fit.evaluation);
         let after = &found.goodness;
         let upper_bound = (low + before.recalibration.gain)
             .max(high + after.recalibration.gain.max(0.0))
             .max(high);
-        Self { low, high, upper_bound, left: after.misfit(), departures: gains }
+        Self { low, high, upper_bound, left: after.misfit() }
     }
 
     fn share_removed(&self) -> Option<f64> {
@@ -130,7 +123,7 @@ impl ModelScores {
 fn conclude(
     evidence: &Evidence,
     sensor: &SensorWideStatistics<'_>,
-    departures: &[Departure],
+    departures: Vec<(&Departure, (f64, f64))>,
     findings: Findings,
     found: &EffectSelection,
     (scored, verdict, mut before): (ModelScores, DiagnosisVerdict, GoodnessOfFit),
@@ -138,11 +131,11 @@ fn conclude(
     let Findings { effects: named, baseline, errors } = findings;
     let mut after = found.goodness.clone();
     let share = scored.share_removed();
-    let ModelScores { low, high, upper_bound, departures: gains, .. } = scored;
+    let ModelScores { low, high, upper_bound, .. } = scored;
     let of_events = sensor.departures.iter().map(|departure| (departure, (0.0, 0.0)));
-    let effects = with_departures(departures.iter().zip(gains).chain(of_events), named);
-    let deficit = sensor.isolated_events.as_ref();
     let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
+    let effects = with_departures(departures.into_iter().chain(of_events), named);
+    let deficit = sensor.isolated_events.as_ref();
     let held = at_range_end(evidence, &found.fit);
     let is_pulled = !held.is_empty() && !found.steps.is_empty();
     let verdict = combined(verdict, [deficit.is_some(), is_departed, is_pulled]);
@@ -195,7 +188,7 @@ fn combined(
     own: DiagnosisVerdict,
     [is_deficient, is_departed, is_pulled]: [bool; 3],
 ) -> DiagnosisVerdict {
-    match own.combined_with(false, is_deficient, is_departed) {
+    match own.combined_with(is_deficient, is_departed) {
         DiagnosisVerdict::Explained if is_pulled => DiagnosisVerdict::PartlyExplained,
         verdict => verdict,
     }

@@ -10,24 +10,17 @@ impl DiagnosisVerdict {
         matches!(self, Self::Explained | Self::PartlyExplained)
     }
 
-    /// Combines the verdict with rejected effects, missing isolated events, and departures of the
-    /// frames or the sensor-wide statistics.
-    pub(crate) fn combined_with(
-        self,
-        is_suspected: bool,
-        are_missing: bool,
-        testable_from_frames: bool,
-    ) -> Self {
+    /// Combines the verdict with missing isolated events and departures of the frames or the
+    /// sensor-wide statistics.
+    pub(crate) fn combined_with(self, are_missing: bool, is_departed: bool) -> Self {
         let own = match self {
-            Self::NoMismatch | Self::MinorMismatch if is_suspected || are_missing => {
-                Self::Unexplained
-            }
+            Self::NoMismatch | Self::MinorMismatch if are_missing => Self::Unexplained,
             Self::Explained if are_missing => Self::PartlyExplained,
             verdict => verdict,
         };
         match own {
-            Self::NoMismatch | Self::MinorMismatch if testable_from_frames => Self::Explained,
-            Self::Unexplained if testable_from_frames => Self::PartlyExplained,
+            Self::NoMismatch | Self::MinorMismatch if is_departed => Self::Explained,
+            Self::Unexplained if is_departed => Self::PartlyExplained,
             verdict => verdict,
         }
     }
