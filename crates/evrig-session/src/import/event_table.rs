@@ -121,7 +121,6 @@ fn interpret(
     let (on, decision) = polarity::decide(p, options.polarity)?;
     decisions.push(decision);
     shift(&mut t_us, table.t_offset_us, options.begin_us, &mut decisions)?;
-    check_stamps(&t_us)?;
     let rows = EventRows { t_us, x, y, on };
     let found = rows.assemble(stream, size, options.epoch, setting);
     let mut found = found.map_err(|what| format!("{what} ({})", unit.1))?;
@@ -275,6 +274,7 @@ impl EventRows {
             TypedEvents { events, size }.keep(stream, &epochs, choice, |n, n_outside| {
                 floor::check_grid([&x, &y], n, n_outside, size)
             })?;
+        check_stamps(found.events.as_slice().t)?;
         check_area(found.events.as_slice(), size)?;
         found.check_overlap(setting)?;
         Ok(ImportedEvents { decisions, ..found })

@@ -21,47 +21,65 @@ pub(super) struct ColumnFacts {
 /// More distinct values than any convention of polarity has.
 const MAX_POLARITIES: usize = 3;
 
+/// Values that are compared without a branch on each: polarities are as random as a coin.
+const VALUES_PER_BLOCK: usize = 1 << 10;
+
+/// Smallest and largest; none of no values.
+pub(super) fn bounds<T: Copy + PartialOrd>(values: &[T]) -> Option<[T; 2]> {
+    let first = *values.first()?;
+    let widen = |[min, max]: [T; 2], &value: &T| {
+        [if value < min { value } else { min }, if value > max { value } else { max }]
+    };
+    Some(values.iter().fold([first; 2], widen))
+}
+
+/// The first distinct values, at most `N`.
+pub(super) fn first_distinct<T: Copy + PartialEq, const N: usize>(values: &[T]) -> Vec<T> {
+    let Some(&first) = values.first() else { return Vec::new() };
+    let mut known = [first; N];
+    let mut n = 1;
+    for block in values.chunks(VALUES_PER_BLOCK) {
+        let is_new = |known: [T; N], value: T| known.iter().fold(true, |is, k| is & (*k != value));
+        if !block.iter().fold(false, |is, value| is | is_new(known, *value)) {
+            continue;
+        }
+        for value in block {
+            if n < N && is_new(known, *value) {
+                known[n] = *value;
+                n += 1;
+            }
+        }
+        if n == N {
+            break;
+        }
+    }
+    known[..n].to_vec()
+}
+
 impl ColumnFacts {
     pub(super) fn of(column: &Column) -> Self {
         match column {
-            Column::Short(values) => Self::of_values(values.iter().map(|value| (*value).into())),
-            Column::Int(values) => Self::of_values(values.iter().map(|value| *value as f64)),
+            Column::Short(values) => Self::of_values(values, f64::from),
+            Column::Int(values) => Self::of_values(values, |value| value as f64),
             Column::Float(values) => Self {
                 is_whole: values.iter().all(|value| value.fract() == 0.0),
-                ..Self::of_values(values.iter().copied())
+                ..Self::of_values(values, |value| value)
             },
         }
     }
 
     /// Facts of whole numbers.
-    fn of_values(values: impl Iterator<Item = f64>) -> Self {
-        let mut facts = Self {
-            n: 0,
-            min: f64::INFINITY,
-            max: f64::NEG_INFINITY,
+    fn of_values<T: Copy + Default + PartialOrd>(values: &[T], float: impl Fn(T) -> f64) -> Self {
+        let [min, max] = bounds(values).map_or([f64::INFINITY, f64::NEG_INFINITY], |b| b.map(&float));
+        Self {
+            n: values.len(),
+            min,
+            max,
             is_whole: true,
-            n_descents: 0,
-            distinct: Vec::new(),
-            n_negative: 0,
-        };
-        let mut last = f64::NEG_INFINITY;
-        for value in values {
-            facts.n += 1;
-            facts.min = facts.min.min(value);
-            facts.max = facts.max.max(value);
-            facts.n_descents += usize::from(value < last);
-            facts.n_negative += usize::from(value < 0.0);
-            if facts.distinct.len() <= MAX_POLARITIES {
-                // Without a branch on each: polarities are as random as a coin.
-                let is_known =
-                    facts.distinct.iter().fold(false, |is, known| is | (*known == value));
-                if !is_known {
-                    facts.distinct.push(value);
-                }
-            }
-            last = value;
+            n_descents: values.windows(2).filter(|pair| pair[1] < pair[0]).count(),
+            distinct: first_distinct::<_, { MAX_POLARITIES + 1 }>(values).into_iter().map(float).collect(),
+            n_negative: values.iter().filter(|value| **value < T::default()).count(),
         }
-        facts
     }
 
     /// Two or three values of a known convention.
