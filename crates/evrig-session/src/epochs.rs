@@ -108,9 +108,9 @@ impl EpochFinder {
     /// Takes stamps in order, a block at a time where all of it is near the last segment's end.
     fn extend(&mut self, stamps: &[i64]) {
         for block in stamps.chunks(STAMPS_PER_BLOCK) {
-            let (begin, end) = block.iter().fold((i64::MAX, i64::MIN), |(begin, end), &t| {
-                (begin.min(t), end.max(t))
-            });
+            let (begin, end) = block
+                .iter()
+                .fold((i64::MAX, i64::MIN), |(begin, end), &t| (begin.min(t), end.max(t)));
             let lateness = MAX_LATENESS_US;
             let continues = |last: &&mut StampRun| {
                 let latest = last.end.max(end);

@@ -41,9 +41,8 @@ impl TypedEvents {
         let n_outside = events.as_slice().count_outside(size) as u64;
         check_grid(events.len(), n_outside)?;
         if n_outside > 0 || epochs.all.len() > 1 {
-            events.retain(|i, event| {
-                size.contains(event.x, event.y) && epochs.is_chosen(i, choice)
-            });
+            events
+                .retain(|i, event| size.contains(event.x, event.y) && epochs.is_chosen(i, choice));
         }
         let n_late = events.as_slice().count_late() as u64;
         if n_late > 0 {

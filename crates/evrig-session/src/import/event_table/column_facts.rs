@@ -70,14 +70,18 @@ impl ColumnFacts {
 
     /// Facts of whole numbers.
     fn of_values<T: Copy + Default + PartialOrd>(values: &[T], float: impl Fn(T) -> f64) -> Self {
-        let [min, max] = bounds(values).map_or([f64::INFINITY, f64::NEG_INFINITY], |b| b.map(&float));
+        let [min, max] =
+            bounds(values).map_or([f64::INFINITY, f64::NEG_INFINITY], |b| b.map(&float));
         Self {
             n: values.len(),
             min,
             max,
             is_whole: true,
             n_descents: values.windows(2).filter(|pair| pair[1] < pair[0]).count(),
-            distinct: first_distinct::<_, { MAX_POLARITIES + 1 }>(values).into_iter().map(float).collect(),
+            distinct: first_distinct::<_, { MAX_POLARITIES + 1 }>(values)
+                .into_iter()
+                .map(float)
+                .collect(),
             n_negative: values.iter().filter(|value| **value < T::default()).count(),
         }
     }
