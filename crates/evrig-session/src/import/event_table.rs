@@ -4,6 +4,7 @@
 //! the user, or are the only ones that fit the data; each is entered as a decision.
 
 mod column_facts;
+mod column_values;
 mod columns;
 mod floor;
 mod polarity;

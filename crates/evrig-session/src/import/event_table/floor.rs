@@ -4,7 +4,7 @@ use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_format::npy::Column;
 
-use super::column_facts::bounds;
+use super::column_values::bounds;
 use super::time_unit::seconds;
 
 /// Fewer events show nothing.

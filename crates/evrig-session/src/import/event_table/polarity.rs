@@ -1,6 +1,6 @@
 //! Which values of the polarity mean ON and OFF.
 
-use super::column_facts::first_distinct;
+use super::column_values::first_distinct;
 use evrig_format::npy::Column;
 use std::str::FromStr;
 
