@@ -97,6 +97,7 @@ impl Events {
     }
 
     /// Appends one event.
+    #[inline]
     pub fn push(&mut self, event: Event) {
         self.t.push(event.t);
         self.x.push(event.x);
@@ -140,7 +141,9 @@ impl Events {
 
     /// Adds µs to every time, up to the ends of its range.
     pub fn shift(&mut self, us: i64) {
-        self.t.iter_mut().for_each(|t| *t = t.saturating_add(us));
+        if us != 0 {
+            self.t.iter_mut().for_each(|t| *t = t.saturating_add(us));
+        }
     }
 
     /// Removes the events that are not to be kept, by their index and themselves.
@@ -203,6 +206,7 @@ impl<'a> EventSlice<'a> {
     /// # Panics
     /// When `i` is not below the length, as indexing does.
     #[must_use]
+    #[inline]
     pub fn get(self, i: usize) -> Event {
         Event { t: self.t[i], x: self.x[i], y: self.y[i], on: self.on[i] }
     }
@@ -230,6 +234,7 @@ impl<'a> EventSlice<'a> {
     }
 
     /// All events in the slice's order.
+    #[inline]
     pub fn iter(self) -> impl Iterator<Item = Event> + 'a {
         (0..self.len()).map(move |i| self.get(i))
     }
@@ -238,6 +243,25 @@ impl<'a> EventSlice<'a> {
     #[must_use]
     pub fn first_disorder(self) -> Option<usize> {
         self.t.windows(2).position(|pair| pair[1] < pair[0]).map(|i| i + 1)
+    }
+
+    /// Number of events that are earlier than one before them.
+    #[must_use]
+    pub fn count_late(self) -> usize {
+        let mut latest = i64::MIN;
+        let is_late = |t: &i64| {
+            let is_late = *t < latest;
+            latest = latest.max(*t);
+            usize::from(is_late)
+        };
+        self.t.iter().map(is_late).sum()
+    }
+
+    /// Number of events that are not on the grid.
+    #[must_use]
+    pub fn count_outside(self, size: Size) -> usize {
+        let places = self.x.iter().zip(self.y);
+        places.map(|(&x, &y)| usize::from(!size.contains(x, y))).sum()
     }
 
     /// Index of the first event that is not on the grid.

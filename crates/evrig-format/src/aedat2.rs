@@ -6,9 +6,9 @@
 
 mod samples;
 
-use crate::CameraFileError;
 use crate::aedat4::{Content, PayloadKind};
 use crate::recording::{RecordingNotes, RecordingSink, SourceStream};
+use crate::{BLOCK_BYTES, CameraFileError};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
 use evrig_core::imu::ImuSample;
@@ -19,9 +19,6 @@ use std::path::Path;
 
 /// Bytes of an address and its time.
 const PAIR_BYTES: usize = 8;
-
-/// Pairs decoded at once.
-const PAIRS_PER_BLOCK: usize = 1 << 17;
 
 /// How an address is divided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +45,7 @@ pub fn read(
     sink: &mut RecordingSink<'_>,
 ) -> Result<RecordingNotes, CameraFileError> {
     let io = CameraFileError::io;
-    let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
+    let mut reader = BufReader::with_capacity(BLOCK_BYTES, File::open(path).map_err(io(path))?);
     let mut header = String::new();
     while reader.fill_buf().map_err(io(path))?.first() == Some(&b'#') {
         let mut line = Vec::new();
@@ -65,7 +62,7 @@ pub fn read(
     let mut block = Vec::new();
     loop {
         block.clear();
-        let n_bytes = (PAIRS_PER_BLOCK * PAIR_BYTES) as u64;
+        let n_bytes = BLOCK_BYTES as u64;
         let n = reader.by_ref().take(n_bytes).read_to_end(&mut block).map_err(io(path))?;
         decoder.decode(&block, sink)?;
         if (n as u64) < n_bytes {

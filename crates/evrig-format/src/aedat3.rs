@@ -2,9 +2,9 @@
 //!
 //! Layout: <https://docs.inivation.com> (file formats, AEDAT 3.1).
 
-use crate::CameraFileError;
 use crate::aedat4::{Content, PayloadKind};
 use crate::recording::{RecordingNotes, RecordingSink, SourceStream};
+use crate::{BLOCK_BYTES, CameraFileError};
 use evrig_core::event::{Event, Events};
 use evrig_core::frame::{Channels, Frame, FrameTiming, Samples};
 use evrig_core::geometry::Size;
@@ -41,7 +41,7 @@ pub fn is_header(start: &[u8]) -> bool {
 /// When the file cannot be read, or the sink refuses.
 pub fn read(path: &Path, sink: &mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError> {
     let io = CameraFileError::io;
-    let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
+    let mut reader = BufReader::with_capacity(BLOCK_BYTES, File::open(path).map_err(io(path))?);
     let mut line = Vec::new();
     loop {
         line.clear();

@@ -68,6 +68,15 @@ impl Column {
         }
     }
 
+    /// Keeps the first `n` numbers.
+    pub(crate) fn truncate(&mut self, n: usize) {
+        match self {
+            Self::Short(values) => values.truncate(n),
+            Self::Int(values) => values.truncate(n),
+            Self::Float(values) => values.truncate(n),
+        }
+    }
+
     /// Whole numbers; floats are rounded.
     ///
     /// # Errors

@@ -13,9 +13,10 @@ pub use dsec::{SideColumn, SideGroup, write_dsec};
 pub use v2e::write_v2e;
 
 use crate::StoredTable;
-use crate::column::{Column, NumberCell};
+use crate::column::NumberCell;
 use hdf5_pure::{AttrValue, Dataset, Datatype, File, Group};
 use std::path::{Path, PathBuf};
+use stored::StoredColumns;
 
 /// Why a file gives no events, or cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -123,15 +124,7 @@ impl Hdf5EventFile<'_> {
     fn read(&self, name: &str) -> Result<StoredTable, String> {
         let in_file = |what: String| format!("`{name}` {what}");
         let mut table = match self.columns_of(name) {
-            Some(columns) => {
-                let read = |(name, dataset): (&str, Dataset)| {
-                    let text = |what| format!("dataset `{name}` {what}");
-                    let column = self.read_column(&dataset).map_err(text)?;
-                    Ok((name.to_owned(), column))
-                };
-                let columns = columns.into_iter().map(read).collect::<Result<_, String>>()?;
-                StoredTable::of_columns(columns)
-            }
+            Some(columns) => self.read_group(columns)?,
             None => self.read_dataset(name).map_err(in_file)?,
         };
         table.t_offset_us = self.t_offset(name)?;
@@ -139,7 +132,23 @@ impl Hdf5EventFile<'_> {
         Ok(table)
     }
 
-    fn read_column(&self, dataset: &Dataset) -> Result<Column, String> {
+    /// Columns of a dataset each, as far as all of them can be read.
+    fn read_group(&self, datasets: Vec<(&str, Dataset)>) -> Result<StoredTable, String> {
+        let mut table = StoredTable::default();
+        for (name, dataset) in datasets {
+            let text = |what| format!("dataset `{name}` {what}");
+            let StoredColumns { columns, damage } = self.read_column(&dataset).map_err(text)?;
+            table.columns.extend(columns.into_iter().map(|column| (name.to_owned(), column)));
+            table.damage = table.damage.or(damage.map(text));
+        }
+        if table.damage.is_some() {
+            let n = table.columns.iter().map(|(_, column)| column.len()).min().unwrap_or(0);
+            table.columns.iter_mut().for_each(|(_, column)| column.truncate(n));
+        }
+        Ok(table)
+    }
+
+    fn read_column(&self, dataset: &Dataset) -> Result<StoredColumns, String> {
         let text = |error: hdf5_pure::Error| error.to_string();
         let size = dataset.element_size().map_err(text)? as usize;
         let cell = stored::number_cell(&dataset.datatype().map_err(text)?, 0, size);
@@ -148,7 +157,7 @@ impl Hdf5EventFile<'_> {
         if shape.iter().skip(1).any(|side| *side != 1) {
             return Err(format!("has shape {shape:?}; expected one number an event"));
         }
-        Ok(stored::read_columns(self.path, dataset, &[cell])?.pop().unwrap_or_default())
+        stored::read_columns(self.path, dataset, &[cell])
     }
 
     fn read_dataset(&self, name: &str) -> Result<StoredTable, String> {
@@ -173,8 +182,9 @@ impl Hdf5EventFile<'_> {
             }
         };
         let (names, cells): (Vec<String>, Vec<NumberCell>) = fields.into_iter().unzip();
-        let columns = stored::read_columns(self.path, &dataset, &cells)?;
-        Ok(StoredTable::of_columns(names.into_iter().zip(columns).collect()))
+        let StoredColumns { columns, damage } = stored::read_columns(self.path, &dataset, &cells)?;
+        let table = StoredTable::of_columns(names.into_iter().zip(columns).collect());
+        Ok(StoredTable { damage, ..table })
     }
 
     /// The offset of DSEC, at the root or beside the columns.

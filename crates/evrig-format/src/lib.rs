@@ -22,3 +22,7 @@ pub use camera_events::{CameraEvents, CameraFileError};
 pub use destination::Destination;
 pub use recording::{RecordingNotes, RecordingSink, SourceStream};
 pub use table::StoredTable;
+
+/// Bytes of a file that are read and decoded at once, a multiple of every word. The events of so
+/// many bytes stay in the cache, and the allocator gives their memory again without a page fault.
+pub(crate) const BLOCK_BYTES: usize = 1 << 16;

@@ -13,15 +13,12 @@ pub use write::{MAX_EVT3_SIDE, write_evt3};
 
 use crate::aedat4::Content;
 use crate::recording::{RecordingNotes, RecordingSink, SourceStream};
-use crate::{CameraEvents, CameraFileError};
+use crate::{BLOCK_BYTES, CameraEvents, CameraFileError};
 use evrig_core::event::Event;
 use evrig_core::geometry::Size;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-
-/// Bytes decoded at once; a multiple of every word.
-const BLOCK_BYTES: usize = 1 << 20;
 
 /// Longest header that is read.
 const MAX_HEADER_LINES: usize = 1_000;
@@ -230,8 +227,8 @@ impl WordDecoder for Dat {
     const BYTES: usize = 8;
 
     fn decode(&mut self, words: &[u8], into: &mut CameraEvents) {
-        for word in words.chunks_exact(8) {
-            let word = word.iter().rev().fold(0_u64, |bits, byte| (bits << 8) | u64::from(*byte));
+        let (words, _) = words.as_chunks::<8>();
+        for word in words.iter().map(|word| u64::from_le_bytes(*word)) {
             let (t, data) = (word as u32, (word >> 32) as u32);
             // A step back of half the range is a wrap; a small one is disorder.
             self.n_wraps += i64::from(self.last > t && self.last - t > u32::MAX / 2);

@@ -3,9 +3,9 @@
 //! Layout: <http://wiki.ros.org/Bags/Format/2.0>. Records are read in file order, so that a bag
 //! that was cut, and has no index, is read up to the cut; the crate `rosbag` needs the index.
 
-use crate::CameraFileError;
 use crate::recording::{RecordingNotes, RecordingSink};
 use crate::ros::{RosDecoder, RosWire};
+use crate::{BLOCK_BYTES, CameraFileError};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -69,7 +69,7 @@ struct BagRecord<'a> {
 /// When the file cannot be read or is no bag, or the sink refuses.
 pub fn read(path: &Path, sink: &mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError> {
     let io = CameraFileError::io;
-    let mut reader = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
+    let mut reader = BufReader::with_capacity(BLOCK_BYTES, File::open(path).map_err(io(path))?);
     let mut magic = [0; MAGIC.len()];
     reader.read_exact(&mut magic).map_err(io(path))?;
     if magic != MAGIC {

@@ -8,9 +8,9 @@ mod write;
 
 pub use write::write_packets;
 
-use crate::CameraFileError;
 use crate::recording::{RecordingNotes, RecordingSink};
 use crate::ros::{RosDecoder, RosWire};
+use crate::{BLOCK_BYTES, CameraFileError};
 use mcap::records::{Record, op};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -79,7 +79,7 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, CameraFileError> {
 impl McapState {
     fn read(&mut self, path: &Path, sink: &mut RecordingSink<'_>) -> Result<(), CameraFileError> {
         let io = CameraFileError::io;
-        let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(io(path))?);
+        let mut file = BufReader::with_capacity(BLOCK_BYTES, File::open(path).map_err(io(path))?);
         let mut offset = mcap::MAGIC.len() as u64;
         let mut body = Vec::new();
         file.by_ref().take(offset).read_to_end(&mut body).map_err(io(path))?;

@@ -6,8 +6,8 @@
 
 mod cells;
 
-use crate::StoredTable;
 use crate::npy::Column;
+use crate::{BLOCK_BYTES, StoredTable};
 use cells::{Separator, is_number, parse_row};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -15,9 +15,6 @@ use std::path::{Path, PathBuf};
 
 /// Comments kept; those of a file's head describe its columns.
 const MAX_NOTES: usize = 64;
-
-/// Bytes read at once.
-const BLOCK_BYTES: u64 = 1 << 20;
 
 /// Why a text file is no table.
 #[derive(Debug, thiserror::Error)]
@@ -104,7 +101,7 @@ fn read_rows(
     let mut is_end = false;
     while !is_end {
         let n_before = block.len();
-        match reader.by_ref().take(BLOCK_BYTES).read_to_end(&mut block) {
+        match reader.by_ref().take(BLOCK_BYTES as u64).read_to_end(&mut block) {
             Ok(n) => is_end = n == 0,
             Err(_) if is_cut && block.len() > n_before => {}
             Err(_) if is_cut && !rows.columns.is_empty() => {

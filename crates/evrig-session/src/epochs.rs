@@ -20,6 +20,9 @@ const MAX_LOOK_BACK: usize = 16;
 /// More restarts than this are a table that is not in order of time.
 const MAX_RESTARTS: usize = 16;
 
+/// Stamps compared together; those of a camera in less than the lateness.
+const STAMPS_PER_BLOCK: usize = 1 << 10;
+
 /// Stamps of an epoch, at most, that are called stray.
 const MAX_STRAY: u64 = 10;
 
@@ -102,6 +105,29 @@ impl EpochFinder {
         self.segments.push(StampRun { first_index: index, count: 1, begin: t, end: t, epoch: 0 });
     }
 
+    /// Takes stamps in order, a block at a time where all of it is near the last segment's end.
+    fn extend(&mut self, stamps: &[i64]) {
+        for block in stamps.chunks(STAMPS_PER_BLOCK) {
+            let (begin, end) = block
+                .iter()
+                .fold((i64::MAX, i64::MIN), |(begin, end), &t| (begin.min(t), end.max(t)));
+            let lateness = MAX_LATENESS_US;
+            let continues = |last: &&mut StampRun| {
+                let latest = last.end.max(end);
+                begin >= latest.saturating_sub(lateness) && end <= last.end.saturating_add(lateness)
+            };
+            match self.segments.last_mut().filter(continues) {
+                Some(last) => {
+                    last.count += block.len() as u64;
+                    last.begin = last.begin.min(begin);
+                    last.end = last.end.max(end);
+                    self.n += block.len() as u64;
+                }
+                None => block.iter().for_each(|t| self.push(*t)),
+            }
+        }
+    }
+
     /// Chains the segments to epochs.
     pub(crate) fn finish(mut self) -> Epochs {
         if self.n_restarts > MAX_RESTARTS {
@@ -174,7 +200,7 @@ impl Epochs {
     /// The epochs of stamps in the order of a file.
     pub(crate) fn of_stamps(t_us: &[i64]) -> Self {
         let mut finder = EpochFinder::default();
-        t_us.iter().for_each(|t| finder.push(*t));
+        finder.extend(t_us);
         finder.finish()
     }
 

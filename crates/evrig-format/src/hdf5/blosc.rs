@@ -86,14 +86,32 @@ fn decode(codec: u8, part: &[u8], n: usize) -> Result<Vec<u8>, String> {
 
 /// Undoes the byte shuffle: first all first bytes, then all second bytes, ...
 pub(super) fn unshuffle(data: &[u8], size: usize) -> Vec<u8> {
-    let n = data.len() / size.max(1);
     let mut plain = data.to_vec();
-    for (i, record) in plain.chunks_exact_mut(size.max(1)).enumerate() {
-        for (j, byte) in record.iter_mut().enumerate() {
-            *byte = data[j * n + i];
+    match size {
+        0 | 1 => {}
+        // Lengths that the compiler knows are several times faster.
+        2 => join_planes::<2>(data, plain.as_chunks_mut().0),
+        4 => join_planes::<4>(data, plain.as_chunks_mut().0),
+        8 => join_planes::<8>(data, plain.as_chunks_mut().0),
+        _ => {
+            let n = data.len() / size;
+            for (i, record) in plain.chunks_exact_mut(size).enumerate() {
+                for (j, byte) in record.iter_mut().enumerate() {
+                    *byte = data[j * n + i];
+                }
+            }
         }
     }
     plain
+}
+
+/// Gathers each record from planes of its first bytes, its second bytes, and so on.
+fn join_planes<const N: usize>(planes: &[u8], records: &mut [[u8; N]]) {
+    let n = records.len();
+    let planes: [&[u8]; N] = std::array::from_fn(|j| &planes[j * n..(j + 1) * n]);
+    for (i, record) in records.iter_mut().enumerate() {
+        *record = planes.map(|plane| plane[i]);
+    }
 }
 
 /// Undoes the bit shuffle of the elements, whose number is cut to a multiple of eight.

@@ -1,8 +1,10 @@
 //! Elements of a dataset as numbers, through filters that `hdf5-pure` does not have.
 
 use super::blosc;
+use crate::BLOCK_BYTES;
 use crate::column::{Column, NumberCell, NumberKind};
-use hdf5_pure::{Dataset, Datatype, DatatypeByteOrder};
+use hdf5_pure::{Chunk as StoredChunk, Dataset, Datatype, DatatypeByteOrder};
+use rayon::prelude::*;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -17,18 +19,27 @@ const ZSTD: u16 = 32_015;
 /// Bytes of one dataset, at most: 16 GiB, two thousand million times.
 const MAX_BYTES: u64 = 1 << 34;
 
+/// Chunks of this size together are decompressed in parallel.
+const PARALLEL_BYTES: usize = 1 << 20;
+
 /// A chunk has at most 4 GiB in HDF5.
 const MAX_CHUNK_BYTES: u64 = u32::MAX as u64;
 
-/// Bytes read at once, at least.
-const BLOCK_BYTES: u64 = 1 << 20;
+/// Columns of a dataset, up to where its file is cut or damaged.
+pub(super) struct StoredColumns {
+    pub(super) columns: Vec<Column>,
+    pub(super) damage: Option<String>,
+}
 
 /// The cells of a dataset's records as columns, read block by block.
+///
+/// # Errors
+/// When no record can be read.
 pub(super) fn read_columns(
     path: &Path,
     dataset: &Dataset,
     cells: &[NumberCell],
-) -> Result<Vec<Column>, String> {
+) -> Result<StoredColumns, String> {
     let text = |error: hdf5_pure::Error| error.to_string();
     let shape = dataset.shape().map_err(text)?;
     let n_rows = shape.first().copied().unwrap_or(1);
@@ -37,70 +48,120 @@ pub(super) fn read_columns(
     if n_rows.checked_mul(row_bytes).is_none_or(|n| n > MAX_BYTES) {
         return Err("has more elements than memory".into());
     }
-    let chunk_shape = dataset.chunk_shape().map_err(text)?;
-    let chunk_rows = chunk_shape.and_then(|shape| shape.first().copied()).unwrap_or(1).max(1);
     let mut columns = vec![Column::default(); cells.len()];
+    let mut n_read = 0;
     let mut take = |rows: &[u8]| {
+        let n_left = (n_rows - n_read).saturating_mul(row_bytes);
+        let rows = &rows[..n_left.min(rows.len() as u64) as usize];
         for (cell, column) in cells.iter().zip(&mut columns) {
             cell.decode(rows, row_bytes as usize, column);
         }
+        n_read += rows.len() as u64 / row_bytes;
+        n_read
     };
-    if dataset.filters().iter().any(|id| [BLOSC, ZSTD].contains(id)) {
+    let chunk_shape = dataset.chunk_shape().map_err(text)?.unwrap_or_default();
+    let chunk_rows = chunk_shape.first().copied().unwrap_or(1).max(1);
+    let end = if is_decompressed_here(dataset, &shape, &chunk_shape) {
         let chunk_bytes = chunk_rows.saturating_mul(row_bytes).min(MAX_CHUNK_BYTES) as usize;
-        each_chunk(path, dataset, chunk_bytes, |first_row, rows| {
-            let n_left = n_rows.saturating_sub(first_row).saturating_mul(row_bytes);
-            take(&rows[..n_left.min(rows.len() as u64) as usize]);
-        })?;
+        each_chunk(path, dataset, chunk_bytes, &mut take)
     } else {
         // Whole chunks, so that none is decompressed twice.
-        let rows_per_block = (BLOCK_BYTES / row_bytes).max(1).next_multiple_of(chunk_rows);
-        let mut row = 0;
-        while row < n_rows {
-            take(&dataset.read_raw_rows(row, rows_per_block).map_err(text)?);
-            row += rows_per_block;
+        let n = (BLOCK_BYTES as u64 / row_bytes).max(1).next_multiple_of(chunk_rows);
+        each_block(dataset, n_rows, n, &mut take)
+    };
+    match end {
+        Err(what) if n_read == 0 && n_rows > 0 => Err(what),
+        Ok(()) if n_read == n_rows => Ok(StoredColumns { columns, damage: None }),
+        end => {
+            let why = end.err().unwrap_or_else(|| "the others were never written".into());
+            let damage = format!("holds {n_read} of {n_rows} rows: {why}");
+            Ok(StoredColumns { columns, damage: Some(damage) })
         }
-    }
-    match columns.iter().all(|column| column.len() as u64 == n_rows) {
-        true => Ok(columns),
-        false => Err(format!("has chunks that were never written; expected {n_rows} rows")),
     }
 }
 
-/// Gives the decompressed chunks of at most `n_bytes` in the order of their first rows.
+/// Whether a dataset is of chunks of whole rows, through filters that are undone here.
+fn is_decompressed_here(dataset: &Dataset, shape: &[u64], chunk_shape: &[u64]) -> bool {
+    let filters = dataset.filters();
+    let known = [DEFLATE, SHUFFLE, FLETCHER32, BLOSC, ZSTD];
+    // `hdf5-pure` checks the sums of the other filters.
+    let is_foreign = filters.iter().any(|id| [BLOSC, ZSTD].contains(id));
+    chunk_shape.get(1..) == shape.get(1..)
+        && filters.iter().all(|id| known.contains(id))
+        && (is_foreign || !filters.contains(&FLETCHER32))
+}
+
+/// Gives blocks of at most `n` rows to `take`, which returns how many rows it has.
+fn each_block(
+    dataset: &Dataset,
+    n_rows: u64,
+    mut n: u64,
+    take: &mut impl FnMut(&[u8]) -> u64,
+) -> Result<(), String> {
+    let mut row = 0;
+    while row < n_rows {
+        match dataset.read_raw_rows(row, n) {
+            Ok(rows) => row = take(&rows),
+            // A cut is in this block: its first rows are before the cut.
+            Err(_) if n > 1 => n /= 2,
+            Err(error) => return Err(unreadable(dataset, &error)),
+        }
+    }
+    Ok(())
+}
+
+fn unreadable(dataset: &Dataset, error: &hdf5_pure::Error) -> String {
+    let known = [DEFLATE, SHUFFLE, FLETCHER32];
+    match dataset.filters().iter().find(|id| !known.contains(id)) {
+        Some(id) => format!("filter {id}: {error}; rewrite it with gzip (h5repack)"),
+        None => error.to_string(),
+    }
+}
+
+/// Gives the decompressed chunks of at most `n_bytes` in the order of their first rows to `take`,
+/// which returns how many rows it has. Ends before a chunk that was never written.
 fn each_chunk(
     path: &Path,
     dataset: &Dataset,
     n_bytes: usize,
-    mut take: impl FnMut(u64, &[u8]),
+    take: &mut impl FnMut(&[u8]) -> u64,
 ) -> Result<(), String> {
-    let filters = dataset.filters();
-    let known = [DEFLATE, SHUFFLE, FLETCHER32, BLOSC, ZSTD];
-    if let Some(id) = filters.iter().find(|id| !known.contains(id)) {
-        return Err(format!("is compressed with filter {id}; rewrite it with gzip (h5repack)"));
-    }
     let text = |error: hdf5_pure::Error| error.to_string();
-    let (shape, chunk_shape) = (dataset.shape(), dataset.chunk_shape());
-    if chunk_shape.map_err(text)?.unwrap_or_default().get(1..) != shape.map_err(text)?.get(1..) {
-        return Err("is cut into columns of chunks; rewrite it with gzip (h5repack)".into());
-    }
+    let filters = dataset.filters();
     let size = dataset.element_size().map_err(text)? as usize;
     let mut chunks = dataset.chunks().map_err(text)?;
     chunks.sort_by_key(|chunk| chunk.offset.first().copied());
     let mut file = File::open(path).map_err(|error| error.to_string())?;
-    for chunk in chunks {
-        let at_chunk = |what: String| format!("chunk at byte {}: {what}", chunk.address);
-        let mut data = Vec::new();
-        let found = file.seek(SeekFrom::Start(chunk.address));
-        let read = found.and_then(|_| (&mut file).take(chunk.storage_size).read_to_end(&mut data));
-        read.map_err(|error| at_chunk(error.to_string()))?;
-        for (i, id) in filters.iter().enumerate().rev() {
-            if chunk.filter_mask & (1 << i) == 0 {
-                data = unfilter(*id, data, size, n_bytes).map_err(at_chunk)?;
+    let n_parallel = (PARALLEL_BYTES / n_bytes.max(1)).max(1);
+    let mut n_read = 0;
+    for chunks in chunks.chunks(n_parallel) {
+        let stored: Vec<_> = chunks.iter().map(|chunk| stored_bytes(&mut file, chunk)).collect();
+        let plain = stored.into_par_iter().zip(chunks).map(|(stored, chunk)| {
+            let used = filters.iter().enumerate().rev();
+            let mut used = used.filter(|(i, _)| chunk.filter_mask & (1 << i) == 0);
+            used.try_fold(stored?, |data, (_, id)| unfilter(*id, data, size, n_bytes))
+        });
+        for (plain, chunk) in plain.collect::<Vec<_>>().into_iter().zip(chunks) {
+            if chunk.offset.first() != Some(&n_read) {
+                return Ok(());
             }
+            let at_chunk = |what: String| format!("chunk at byte {}: {what}", chunk.address);
+            n_read = take(&plain.map_err(at_chunk)?);
         }
-        take(chunk.offset.first().copied().unwrap_or(0), &data);
     }
     Ok(())
+}
+
+/// The bytes of a chunk, all of them.
+fn stored_bytes(file: &mut File, chunk: &StoredChunk) -> Result<Vec<u8>, String> {
+    let mut data = Vec::new();
+    let found = file.seek(SeekFrom::Start(chunk.address));
+    let read = found.and_then(|_| file.take(chunk.storage_size).read_to_end(&mut data));
+    match read {
+        Ok(n) if n as u64 == chunk.storage_size => Ok(data),
+        Ok(_) => Err("the file is cut".into()),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 fn unfilter(id: u16, data: Vec<u8>, size: usize, n_bytes: usize) -> Result<Vec<u8>, String> {

@@ -48,4 +48,23 @@ mod tests {
         let error = write_v2e(&path, late.as_slice()).unwrap_err().to_string();
         assert!(error.contains("4294967296") && error.contains("--format hdf5"), "{error}");
     }
+
+    #[test]
+    fn a_cut_file_is_read_up_to_the_cut_or_refused_where_its_description_is_cut() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.h5");
+        let events: Events = (0..100).map(|i| Event { t: i, x: 7, y: 9, on: true }).collect();
+        write_v2e(&path, events.as_slice()).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        let mut n_read = Vec::new();
+        for end in 0..whole.len() {
+            std::fs::write(&path, &whole[..end]).unwrap();
+            let Ok(read) = read_events(&path, None) else { continue };
+            n_read.push(read.n_rows());
+            let Column::Short(t) = &read.columns[0].1 else { panic!("short") };
+            assert!(t.iter().copied().eq(0..read.n_rows() as i16), "{end}");
+            assert_eq!(read.damage.is_some(), read.n_rows() < 100, "{end}");
+        }
+        assert!(n_read.contains(&1) && n_read.contains(&99), "{n_read:?}");
+    }
 }

@@ -2,8 +2,8 @@
 
 use super::NpyError;
 use super::header::read_header;
-use crate::StoredTable;
 use crate::column::{Column, NumberCell, NumberKind};
+use crate::{BLOCK_BYTES, StoredTable};
 use npyz::{DType, Endianness, Order, TypeChar, TypeStr};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -32,9 +32,6 @@ struct ArrayElement {
     /// With the padding of aligned records.
     n_bytes: usize,
 }
-
-/// Bytes read at once.
-const BLOCK_BYTES: usize = 1 << 20;
 
 /// An open array whose elements are read in order, as many at a time as the caller wants.
 pub struct ArrayReader<R> {

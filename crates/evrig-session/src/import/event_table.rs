@@ -4,6 +4,7 @@
 //! the user, or are the only ones that fit the data; each is entered as a decision.
 
 mod column_facts;
+mod column_values;
 mod columns;
 mod floor;
 mod polarity;
@@ -121,7 +122,6 @@ fn interpret(
     let (on, decision) = polarity::decide(p, options.polarity)?;
     decisions.push(decision);
     shift(&mut t_us, table.t_offset_us, options.begin_us, &mut decisions)?;
-    check_stamps(&t_us)?;
     let rows = EventRows { t_us, x, y, on };
     let found = rows.assemble(stream, size, options.epoch, setting);
     let mut found = found.map_err(|what| format!("{what} ({})", unit.1))?;
@@ -275,6 +275,7 @@ impl EventRows {
             TypedEvents { events, size }.keep(stream, &epochs, choice, |n, n_outside| {
                 floor::check_grid([&x, &y], n, n_outside, size)
             })?;
+        check_stamps(found.events.as_slice().t)?;
         check_area(found.events.as_slice(), size)?;
         found.check_overlap(setting)?;
         Ok(ImportedEvents { decisions, ..found })

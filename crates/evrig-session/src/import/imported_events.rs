@@ -158,11 +158,12 @@ pub(super) fn read_aedat4(
     let mut events = Events::new();
     let mut frames = Vec::new();
     let mut damage = None;
-    for packet in reader.by_ref() {
+    while let Some(packet) = reader.next() {
         match packet {
             Ok(packet) => match packet.content {
                 Content::Events(found) if packet.stream == wanted.id => {
                     events.extend_from_slice(found.as_slice());
+                    reader.recycle(found);
                 }
                 Content::Frame(frame) => frames.push(frame.timing),
                 _ => {}
@@ -239,8 +240,10 @@ fn finish(
 ) -> Result<ImportedEvents, String> {
     let size = typed.size;
     let epochs = Epochs::of_stamps(typed.events.as_slice().t);
-    let first = typed.events.as_slice().t.iter().copied().min().unwrap_or(0);
-    typed.events.shift(options.begin_us.map_or(0, |begin| begin.saturating_sub(first)));
+    if let Some(begin) = options.begin_us {
+        let first = typed.events.as_slice().t.iter().copied().min().unwrap_or(0);
+        typed.events.shift(begin.saturating_sub(first));
+    }
     let found = typed.keep(stream, &epochs, options.epoch, |n, n_outside| {
         let what = || format!("{n_outside} of {n} events are off the {size} grid");
         if 2 * n_outside > n as u64 { Err(what()) } else { Ok(()) }

@@ -38,26 +38,22 @@ impl TypedEvents {
     ) -> Result<ImportedEvents, String> {
         let Self { mut events, size } = self;
         let mut losses = epochs.losses(stream, "events", choice)?;
-        let n = events.len();
-        let (mut n_outside, mut n_disordered, mut last) = (0, 0, i64::MIN);
-        events.retain(|i, event| {
-            let is_inside = size.contains(event.x, event.y);
-            n_outside += u64::from(!is_inside);
-            let is_kept = is_inside && epochs.is_chosen(i, choice);
-            if is_kept {
-                n_disordered += u64::from(event.t < last);
-                last = last.max(event.t);
-            }
-            is_kept
-        });
-        check_grid(n, n_outside)?;
-        events.sort_by_time();
+        let n_outside = events.as_slice().count_outside(size) as u64;
+        check_grid(events.len(), n_outside)?;
+        if n_outside > 0 || epochs.all.len() > 1 {
+            events
+                .retain(|i, event| size.contains(event.x, event.y) && epochs.is_chosen(i, choice));
+        }
+        let n_late = events.as_slice().count_late() as u64;
+        if n_late > 0 {
+            events.sort_by_time();
+        }
         let loss = |count, what: String| DataLoss { stream: stream.to_owned(), what, count };
         if n_outside > 0 {
             losses.push(loss(n_outside, format!("events off the {size} grid were left out")));
         }
-        if n_disordered > 0 {
-            losses.push(loss(n_disordered, SORTED_BY_TIME.into()));
+        if n_late > 0 {
+            losses.push(loss(n_late, SORTED_BY_TIME.into()));
         }
         Ok(ImportedEvents { events, size, losses, decisions: Vec::new() })
     }

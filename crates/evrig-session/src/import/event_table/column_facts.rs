@@ -1,5 +1,6 @@
 //! What the values of one column show.
 
+use super::column_values::{bounds, first_distinct};
 use evrig_format::npy::Column;
 use std::fmt;
 
@@ -24,44 +25,31 @@ const MAX_POLARITIES: usize = 3;
 impl ColumnFacts {
     pub(super) fn of(column: &Column) -> Self {
         match column {
-            Column::Short(values) => Self::of_values(values.iter().map(|value| (*value).into())),
-            Column::Int(values) => Self::of_values(values.iter().map(|value| *value as f64)),
+            Column::Short(values) => Self::of_values(values, f64::from),
+            Column::Int(values) => Self::of_values(values, |value| value as f64),
             Column::Float(values) => Self {
                 is_whole: values.iter().all(|value| value.fract() == 0.0),
-                ..Self::of_values(values.iter().copied())
+                ..Self::of_values(values, |value| value)
             },
         }
     }
 
     /// Facts of whole numbers.
-    fn of_values(values: impl Iterator<Item = f64>) -> Self {
-        let mut facts = Self {
-            n: 0,
-            min: f64::INFINITY,
-            max: f64::NEG_INFINITY,
+    fn of_values<T: Copy + Default + PartialOrd>(values: &[T], float: impl Fn(T) -> f64) -> Self {
+        let [min, max] =
+            bounds(values).map_or([f64::INFINITY, f64::NEG_INFINITY], |b| b.map(&float));
+        Self {
+            n: values.len(),
+            min,
+            max,
             is_whole: true,
-            n_descents: 0,
-            distinct: Vec::new(),
-            n_negative: 0,
-        };
-        let mut last = f64::NEG_INFINITY;
-        for value in values {
-            facts.n += 1;
-            facts.min = facts.min.min(value);
-            facts.max = facts.max.max(value);
-            facts.n_descents += usize::from(value < last);
-            facts.n_negative += usize::from(value < 0.0);
-            if facts.distinct.len() <= MAX_POLARITIES {
-                // Without a branch on each: polarities are as random as a coin.
-                let is_known =
-                    facts.distinct.iter().fold(false, |is, known| is | (*known == value));
-                if !is_known {
-                    facts.distinct.push(value);
-                }
-            }
-            last = value;
+            n_descents: values.windows(2).filter(|pair| pair[1] < pair[0]).count(),
+            distinct: first_distinct::<_, { MAX_POLARITIES + 1 }>(values)
+                .into_iter()
+                .map(float)
+                .collect(),
+            n_negative: values.iter().filter(|value| **value < T::default()).count(),
         }
-        facts
     }
 
     /// Two or three values of a known convention.

@@ -4,12 +4,14 @@ use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
 use evrig_format::npy::Column;
 
+use super::column_values::bounds;
 use super::time_unit::seconds;
 
 /// Fewer events show nothing.
 const MIN_EVENTS: usize = 20;
 
-/// Refuses stamps of which one is shared by nine tenths of the events: a coarser unit was read.
+/// Refuses ascending stamps of which one is shared by nine tenths of the events: a coarser unit was
+/// read.
 ///
 /// # Errors
 /// With the shared stamp.
@@ -18,16 +20,10 @@ pub(crate) fn check_stamps(t_us: &[i64]) -> Result<(), String> {
     if n < MIN_EVENTS {
         return Ok(());
     }
-    // A stamp of more than half of the events wins this vote (Boyer and Moore 1991).
-    let (mut shared, mut n_votes) = (0, 0_u64);
-    for t in t_us {
-        match n_votes {
-            0 => (shared, n_votes) = (*t, 1),
-            _ if *t == shared => n_votes += 1,
-            _ => n_votes -= 1,
-        }
-    }
-    let n_shared = t_us.iter().filter(|t| **t == shared).count();
+    // A stamp of more than half of the events is that of the middle one.
+    let shared = t_us[n / 2];
+    let n_before = t_us.partition_point(|t| *t < shared);
+    let n_shared = t_us.partition_point(|t| *t <= shared) - n_before;
     if 10 * n_shared < 9 * n {
         return Ok(());
     }
@@ -58,18 +54,14 @@ impl Coordinates {
                 values[i]
             ));
         }
-        let mut bounds = [i64::MAX, i64::MIN];
-        let mut pixel = |value: i64| {
-            bounds = [bounds[0].min(value), bounds[1].max(value)];
-            u16::try_from(value).unwrap_or(u16::MAX)
-        };
-        let values = match column {
-            Column::Short(values) => values.into_iter().map(|v| pixel(v.into())).collect(),
+        let (bounds, values) = match column {
+            Column::Short(values) => (bounds(&values).map(|b| b.map(i64::from)), pixels(values)),
             wide => {
                 let wide = wide.into_integers().map_err(|i| format!("event {i} has no {name}"))?;
-                wide.into_iter().map(pixel).collect()
+                (bounds(&wide), pixels(wide))
             }
         };
+        let bounds = bounds.unwrap_or([i64::MAX, i64::MIN]);
         Ok(Self { values, bounds })
     }
 
@@ -82,6 +74,14 @@ impl Coordinates {
     fn fit(&self, side: u16) -> bool {
         self.bounds[0] >= 0 && self.bounds[1] < side.into()
     }
+}
+
+/// Values as pixels, 65535 where one does not fit.
+fn pixels<T>(values: Vec<T>) -> Vec<u16>
+where
+    u16: TryFrom<T>,
+{
+    values.into_iter().map(|value| u16::try_from(value).unwrap_or(u16::MAX)).collect()
 }
 
 /// Refuses events that all lie on one line of a grid with two sides.

@@ -1,5 +1,6 @@
 //! Which values of the polarity mean ON and OFF.
 
+use super::column_values::first_distinct;
 use evrig_format::npy::Column;
 use std::str::FromStr;
 
@@ -53,7 +54,7 @@ pub(super) fn decide(
     }
 }
 
-fn by_rule<T: Copy + PartialEq + Into<i64>>(
+fn by_rule<T: Copy + PartialEq + Into<i64> + TryFrom<i64>>(
     values: &[T],
     stated: Option<PolarityRule>,
 ) -> Result<(Vec<bool>, String), String> {
@@ -61,15 +62,8 @@ fn by_rule<T: Copy + PartialEq + Into<i64>>(
     let rule = match stated {
         Some(rule) => rule,
         None => {
-            let mut distinct: Vec<i64> = Vec::new();
-            for value in values.iter().map(|value| (*value).into()) {
-                if !distinct.contains(&value) {
-                    distinct.push(value);
-                    if distinct.len() > 2 {
-                        break;
-                    }
-                }
-            }
+            let mut distinct: Vec<i64> =
+                first_distinct::<_, 3>(values).into_iter().map(T::into).collect();
             distinct.sort_unstable();
             let is_wrapped = |value: &i64| WRAPPED_MINUS_ONE.contains(value);
             match distinct.as_slice() {
@@ -88,10 +82,16 @@ fn by_rule<T: Copy + PartialEq + Into<i64>>(
             }
         }
     };
-    let is_on = |value: &T| (*value).into() == rule.on;
-    // Without a branch on each: polarities are as random as a coin.
-    let is_other = |value: &T| !is_on(value) & ((*value).into() != rule.off);
-    if let Some(i) = values.iter().position(is_other) {
+    // A value that the column cannot hold is none of its values.
+    let [is_on, is_off] = [rule.on, rule.off].map(|known| {
+        let known = T::try_from(known).ok();
+        move |value: &T| known.is_some_and(|known| *value == known)
+    });
+    let on: Vec<bool> = values.iter().map(is_on).collect();
+    let n_on = on.iter().filter(|on| **on).count();
+    if n_on + values.iter().filter(|value| is_off(value)).count() < values.len()
+        && let Some(i) = values.iter().position(|value| !is_on(value) && !is_off(value))
+    {
         return Err(format!(
             "event {i} has polarity {}; expected {} for ON or {} for OFF; {REMEDY}",
             values[i].into(),
@@ -99,8 +99,6 @@ fn by_rule<T: Copy + PartialEq + Into<i64>>(
             rule.off
         ));
     }
-    let on: Vec<bool> = values.iter().map(is_on).collect();
-    let n_on = on.iter().filter(|on| **on).count();
     let place = if stated.is_some() { " (--polarity)" } else { "" };
     let decision = format!(
         "polarity {} is ON and {} is OFF{place}: {n_on} ON, {} OFF",

@@ -96,6 +96,7 @@ pub(crate) fn to_micros(column: Column, unit: TimeUnit) -> Result<Vec<i64>, usiz
             let micros = values.into_iter().map(|value| unit.to_micros(value));
             micros.enumerate().map(convert).collect()
         }
+        whole if unit == TimeUnit::Microseconds => whole.into_integers(),
         whole => {
             let micros = whole.into_integers()?.into_iter().map(|t| unit.whole_to_micros(t));
             micros.enumerate().map(convert).collect()
