@@ -113,6 +113,21 @@ impl Events {
         self.on.extend_from_slice(events.on);
     }
 
+    /// Appends an event for each item, one column after another: several values at a time.
+    pub fn extend_by_columns<T>(
+        &mut self,
+        items: &[T],
+        t: impl Fn(&T) -> i64,
+        x: impl Fn(&T) -> u16,
+        y: impl Fn(&T) -> u16,
+        on: impl Fn(&T) -> bool,
+    ) {
+        self.t.extend(items.iter().map(t));
+        self.x.extend(items.iter().map(x));
+        self.y.extend(items.iter().map(y));
+        self.on.extend(items.iter().map(on));
+    }
+
     /// Removes all events and keeps the memory.
     pub fn clear(&mut self) {
         self.t.clear();

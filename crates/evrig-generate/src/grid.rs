@@ -45,7 +45,7 @@ pub(super) struct PixelBlock<S> {
     pub(super) first: u32,
     /// Brightness in the frame at the interval's start.
     pub(super) before: Vec<f32>,
-    /// Where events of the interval go: pixel by pixel, each pixel's in ascending time.
+    /// Where events of the interval go: each pixel's in ascending time.
     pub(super) hits: Vec<Crossing>,
     /// What the model keeps.
     pub(super) state: S,

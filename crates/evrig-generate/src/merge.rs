@@ -1,19 +1,17 @@
 //! From hits in pixel order to events in time order.
 
 use super::sequence::FrameSpan;
-use evrig_core::event::{EventSlice, Events};
+use evrig_core::event::Events;
 use evrig_core::geometry::Size;
 
-/// A threshold crossing within an interval, eight bytes.
+/// A threshold crossing within an interval: from the highest bit the µs after the interval's start
+/// (1..=span), whether ON, and the row-major number of the pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Crossing {
-    /// µs after the interval's start, 1..=span, and in the lowest bit whether ON.
-    time_and_side: u32,
-    /// Row-major number of the pixel.
-    pixel: u32,
-}
+pub(super) struct Crossing(u64);
 
 impl Crossing {
+    const ON: u64 = 1 << 32;
+
     /// A crossing `offset_us` after the start of an interval of `span_us`. It carries the next
     /// whole microsecond, so that it lies after the interval's first frame and not after its last.
     #[inline]
@@ -21,11 +19,24 @@ impl Crossing {
         // Not `ceil`, which is a call where the processor is not known to round.
         let below = offset_us as u32;
         let whole = (below + u32::from(f64::from(below) < offset_us)).clamp(1, span_us);
-        Self { time_and_side: whole << 1 | u32::from(on), pixel }
+        Self(u64::from(whole) << 33 | u64::from(on) * Self::ON | u64::from(pixel))
     }
 
     fn offset_us(self) -> u32 {
-        self.time_and_side >> 1
+        (self.0 >> 33) as u32
+    }
+
+    const fn on(self) -> bool {
+        self.0 & Self::ON != 0
+    }
+
+    const fn pixel(self) -> u32 {
+        self.0 as u32
+    }
+
+    /// Time, then pixel.
+    const fn order(self) -> u64 {
+        self.0 & !Self::ON
     }
 }
 
@@ -38,20 +49,10 @@ pub(super) struct EventMerger {
     hits: Vec<Crossing>,
     spare: Vec<Crossing>,
     counts: Vec<u32>,
-    columns: MergedColumns,
-}
-
-/// Events of an interval, a column each.
-#[derive(Debug, Default)]
-struct MergedColumns {
-    t: Vec<i64>,
-    x: Vec<u16>,
-    y: Vec<u16>,
-    on: Vec<bool>,
 }
 
 impl EventMerger {
-    /// Appends the hits of all blocks, given in pixel order, to `out` in ascending time;
+    /// Appends the hits of all blocks, each pixel's as they happened, to `out` in ascending time;
     /// within a microsecond by row, then column, and within a pixel as they happened.
     pub(super) fn merge<'a>(
         &mut self,
@@ -61,9 +62,15 @@ impl EventMerger {
         out: &mut Events,
     ) {
         self.sort(blocks, interval.span_us);
-        self.columns.fill(&self.hits, size, interval.start_us);
-        let MergedColumns { t, x, y, on } = &self.columns;
-        out.extend_from_slice(EventSlice { t, x, y, on });
+        sort_within_microseconds(&mut self.hits);
+        let rows = RowDivision::new(size);
+        out.extend_by_columns(
+            &self.hits,
+            |hit| interval.start_us + i64::from(hit.offset_us()),
+            |hit| rows.column(hit.pixel()),
+            |hit| rows.row(hit.pixel()),
+            |hit| hit.on(),
+        );
     }
 
     /// Stable sort by time: one counting pass for usual frame intervals, two for long ones.
@@ -83,6 +90,21 @@ impl EventMerger {
             high.sort(blocks, n_hits, &mut self.spare, &mut self.counts);
             std::mem::swap(&mut self.hits, &mut self.spare);
         }
+    }
+}
+
+/// Puts hits in ascending time into the order of pixels within a microsecond.
+fn sort_within_microseconds(hits: &mut [Crossing]) {
+    let mut start = 0;
+    // Blocks give almost all hits in the order of pixels: few microseconds are to be sorted.
+    while let Some(at) = hits[start..].windows(2).position(|pair| pair[1].order() < pair[0].order())
+    {
+        let t_us = hits[start + at].offset_us();
+        let low = hits[..start + at].iter().rposition(|hit| hit.offset_us() < t_us);
+        let low = low.map_or(0, |before| before + 1);
+        let n = hits[low..].partition_point(|hit| hit.offset_us() == t_us);
+        hits[low..low + n].sort_by_key(|hit| hit.pixel());
+        start = low + n;
     }
 }
 
@@ -115,7 +137,7 @@ impl RadixPass {
         for count in counts.iter_mut() {
             place += std::mem::replace(count, place);
         }
-        sorted.resize(n_hits, Crossing { time_and_side: 0, pixel: 0 });
+        sorted.resize(n_hits, Crossing(0));
         for block in blocks {
             for &hit in block {
                 let place = &mut counts[self.of(hit)];
@@ -126,22 +148,28 @@ impl RadixPass {
     }
 }
 
-impl MergedColumns {
-    /// One column after another, so that each is filled several events at a time.
-    fn fill(&mut self, hits: &[Crossing], size: Size, start_us: i64) {
-        let width = u32::from(size.width);
-        // The middle of a pixel over the width lies 1/2w from the next row: f64 cannot err, and
-        // is faster than a division of integers.
-        let per_width = 1.0 / f64::from(width);
-        let row = move |hit: &Crossing| ((f64::from(hit.pixel) + 0.5) * per_width) as u32;
-        self.t.clear();
-        self.t.extend(hits.iter().map(|hit| start_us + i64::from(hit.offset_us())));
-        self.y.clear();
-        self.y.extend(hits.iter().map(|hit| row(hit) as u16));
-        self.x.clear();
-        self.x.extend(hits.iter().map(|hit| (hit.pixel - row(hit) * width) as u16));
-        self.on.clear();
-        self.on.extend(hits.iter().map(|hit| hit.time_and_side & 1 == 1));
+/// Division of row-major pixel numbers by the width, as a multiplication.
+#[derive(Debug, Clone, Copy)]
+struct RowDivision {
+    width: u32,
+    /// 2^48 / width, rounded up: pixel numbers below 2^16 widths err by less than 1 / width, which
+    /// is the least distance of a quotient from the next row.
+    per_width: u64,
+}
+
+impl RowDivision {
+    fn new(size: Size) -> Self {
+        Self { width: size.width.into(), per_width: (1 << 48) / u64::from(size.width).max(1) + 1 }
+    }
+
+    #[inline]
+    fn row(self, pixel: u32) -> u16 {
+        (u64::from(pixel) * self.per_width >> 48) as u16
+    }
+
+    #[inline]
+    fn column(self, pixel: u32) -> u16 {
+        (pixel - u32::from(self.row(pixel)) * self.width) as u16
     }
 }
 
@@ -184,17 +212,25 @@ mod tests {
             let n_pixels = size.n_pixels() as u64;
             let w = u64::from(width);
             let spots = (0..n_pixels / w).step_by(997).flat_map(|y| [y * w, y * w + w - 1]);
-            let hits: Vec<Crossing> = spots
-                .chain([n_pixels - 1])
-                .map(|pixel| Crossing::new(pixel as u32, 1.0, 1, true))
-                .collect();
-            let mut columns = MergedColumns::default();
-            columns.fill(&hits, size, 0);
-            for (i, hit) in hits.iter().enumerate() {
-                assert_eq!(size.index(columns.x[i], columns.y[i]), hit.pixel as usize);
-                assert!(columns.x[i] < width);
+            let rows = RowDivision::new(size);
+            for pixel in spots.chain([n_pixels - 1]) {
+                let (x, y) = (rows.column(pixel as u32), rows.row(pixel as u32));
+                assert!(x < width && size.index(x, y) as u64 == pixel, "{pixel} of {width}");
             }
         }
+    }
+
+    #[test]
+    fn hits_of_a_microsecond_are_put_in_the_order_of_pixels_and_within_one_as_they_happened() {
+        let hit = |pixel, t, on| Crossing::new(pixel, t, 100, on);
+        let hits = [(5, 3.0), (2, 3.0), (7, 3.0), (2, 3.0), (9, 3.5), (1, 4.0), (0, 4.0)];
+        let hits: Vec<Crossing> =
+            hits.iter().enumerate().map(|(i, &(pixel, t))| hit(pixel, t, i < 2)).collect();
+        let out = merged(&hits, 100);
+        let found: Vec<(u16, bool)> = out.as_slice().iter().map(|e| (e.x, e.on)).collect();
+        let later = [(0, false), (1, false), (9, false)];
+        let expected = [&[(2, true), (2, false), (5, true), (7, false)][..], &later].concat();
+        assert_eq!(found, expected);
     }
 
     #[test]

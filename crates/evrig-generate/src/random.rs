@@ -56,8 +56,15 @@ impl RandomSource {
     /// two words are made at once.
     #[inline]
     pub(super) fn draws(self, pixel: u32, interval: u64) -> CounterRng {
-        let words = philox([u64::from(pixel) << 32, interval], self.seed);
-        CounterRng { source: self, interval, pixel, block: 1, words, n_left: 2 }
+        let mut draws = self.draws_from(pixel, interval, 0);
+        draws.refill();
+        draws
+    }
+
+    /// The same from a later block on. Nothing is made before the first draw.
+    #[inline]
+    pub(super) fn draws_from(self, pixel: u32, interval: u64, block: u32) -> CounterRng {
+        CounterRng { source: self, interval, pixel, block, words: [0; 2], n_left: 0 }
     }
 }
 
@@ -73,6 +80,7 @@ impl CounterRng {
         if self.n_left == 1 { first } else { second }
     }
 
+    #[inline]
     fn refill(&mut self) {
         let place = u64::from(self.pixel) << 32 | u64::from(self.block);
         self.words = philox([place, self.interval], self.source.seed);

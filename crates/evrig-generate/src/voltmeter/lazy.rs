@@ -15,13 +15,16 @@ use crate::random::{CounterRng, RandomSource};
 use crate::sequence::FrameSpan;
 
 mod drift;
-mod first;
+mod rounds;
 mod voltages;
 
-use drift::{IntervalCoefficients, LANES};
-use first::{FirstEvent, FirstEvents, time_along_one};
+use drift::IntervalCoefficients;
+use rounds::{EventRounds, PixelRound};
 use voltages::VoltageMoments;
 pub(crate) use voltages::Voltages;
+
+/// Pixels of a pass: what stays in the nearest cache while it is worked on.
+const PASS_PIXELS: usize = 256;
 
 /// The event model with lazily drawn noise.
 #[derive(Debug)]
@@ -56,88 +59,90 @@ impl FramePixelModel for LazyVoltmeter {
 
     fn run(&self, block: &mut PixelBlock<Voltages>, after: &[f32], interval: FrameSpan) {
         let PixelBlock { first, before, hits, state } = block;
-        let span_us = f64::from(interval.span_us);
         let moves = IntervalCoefficients::new(&self.k, interval.span_us);
-        let mut firsts = FirstEvents::new();
-        for start in (0..after.len()).step_by(LANES) {
-            let lanes = start..after.len().min(start + LANES);
-            let (before, after) = (&before[lanes.clone()], &after[lanes.clone()]);
-            let mut flags = moves.let_drift(before, after, state.columns(lanes));
-            // First what does not branch, so that the processor overlaps the pixels.
-            firsts.clear();
-            while flags != 0 {
-                let lane = flags.trailing_zeros() as usize;
-                flags &= flags - 1;
-                let pixel = *first + (start + lane) as u32;
-                let moments = state.moments(start + lane);
-                firsts.push(pixel, [before[lane], after[lane]], moments, self.source, interval);
-            }
-            firsts.draw(&self.k, span_us);
-            for i in 0..firsts.len() {
-                let first_event = firsts.at(i);
-                let pixel = first_event.pixel;
-                let end = advance(first_event, span_us, |t, on| {
-                    hits.push(Crossing::new(pixel, t, interval.span_us, on));
+        let mut may_fire = [false; PASS_PIXELS];
+        let mut rounds = EventRounds::new(self.source, interval);
+        for start in (0..after.len()).step_by(PASS_PIXELS) {
+            let pass = start..after.len().min(start + PASS_PIXELS);
+            let (before, after) = (&before[pass.clone()], &after[pass.clone()]);
+            let may_fire = &mut may_fire[..pass.len()];
+            moves.let_drift(before, after, state.columns(pass), may_fire);
+            let first = *first + start as u32;
+            let moments = |i| state.moments(start + i);
+            rounds.start(first, may_fire, [before, after], moments, &self.k);
+            while rounds.draw() {
+                rounds.retain(|pixel| {
+                    let index = pixel.index;
+                    let number = first + index as u32;
+                    let fire = |offset_us, on| {
+                        hits.push(Crossing::new(number, offset_us, interval.span_us, on));
+                    };
+                    match advance(pixel, f64::from(interval.span_us), fire) {
+                        RoundEnd::Silent(moments) => {
+                            state.set(start + index, moments);
+                            None
+                        }
+                        RoundEnd::Fired { rest_us } => Some(rest_us),
+                    }
                 });
-                state.set((pixel - *first) as usize, end);
             }
         }
     }
 }
 
-/// Exponent below which a probability counts as none (e⁻³⁵ = 6e-16).
-const NEVER: f64 = 35.0;
+/// How a round ends for a pixel.
+enum RoundEnd {
+    /// No further event: the law of the voltage at the interval's end.
+    Silent(VoltageMoments),
+    /// It may fire again within so much of the interval.
+    Fired { rest_us: f64 },
+}
 
-/// Longest past, µs, that is lent to a voltage; its rounding is 1e-4 µs.
-const LONGEST_PAST_US: f64 = 1e12;
-
-/// Moves a voltage through an interval; like [`passage::advance`], with less drawn where
-/// drift dominates, and the end left undrawn when no barrier is within reach of it.
+/// Moves a pixel to its next event, or to the interval's end if no barrier is within reach or hit
+/// before; `fire` takes times after the start of the interval.
 #[inline]
-fn advance(first: FirstEvent<'_>, span_us: f64, mut fire: impl FnMut(f64, bool)) -> VoltageMoments {
-    let FirstEvent { mut moments, motion, draws, normal, mut past_us, mut time_us, .. } = first;
-    let (drift, on) = (motion.drift_per_us.abs(), motion.drift_per_us > 0.0);
-    let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
-    let mut elapsed = 0.0;
-    let mut towards = if on { moments.mean } else { -moments.mean };
-    // The mean keeps clear of the barrier behind by 8 standard deviations. Then the chance to
-    // be hit there is largest for a voltage halfway, where it is exp(-b (1 + mean)).
-    if drift * (1.0 + towards) <= NEVER * rate || moments.variance > LONGEST_PAST_US * rate {
-        let v = (moments.mean + moments.variance.sqrt() * normal).clamp(-INSIDE, INSIDE);
-        let end = passage::advance(v, motion, span_us, draws, &mut fire);
+fn advance(pixel: PixelRound, span_us: f64, mut fire: impl FnMut(f64, bool)) -> RoundEnd {
+    let PixelRound { motion, rest_us, time_us, .. } = pixel;
+    if time_us >= rest_us {
+        return RoundEnd::Silent(last_stretch(pixel, span_us, &mut fire));
+    }
+    let rest_us = rest_us - time_us.max(0.0);
+    fire(span_us - rest_us, motion.drift_per_us > 0.0);
+    let mean = motion.drift_per_us * rest_us;
+    let variance = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us * rest_us;
+    let distance = 1.0 - mean.abs();
+    if distance > 0.0 && REACH * REACH * variance < distance * distance {
+        return RoundEnd::Silent(VoltageMoments { mean, variance });
+    }
+    RoundEnd::Fired { rest_us }
+}
+
+/// Moves a pixel to the interval's end: past the barrier ahead if drift decides, or else like any
+/// other.
+#[inline(never)]
+fn last_stretch(
+    mut pixel: PixelRound,
+    span_us: f64,
+    fire: &mut dyn FnMut(f64, bool),
+) -> VoltageMoments {
+    let VoltageMoments { mean, variance } = pixel.moments;
+    let PixelRound { motion, rest_us, ref mut draws, .. } = pixel;
+    if pixel.time_us.is_infinite() {
+        let v = (mean + variance.sqrt() * pixel.normal).clamp(-INSIDE, INSIDE);
+        let start_us = span_us - rest_us;
+        let mut fire = |t, on| fire(start_us + t, on);
+        let end = passage::advance(v, motion, rest_us, draws, &mut fire);
         return VoltageMoments { mean: end, variance: 0.0 };
     }
-    loop {
-        let rest = span_us - elapsed;
-        if time_us >= rest {
-            let start = towards - drift * past_us;
-            let by = move_below(1.0 - start, drift, rate, past_us + rest, draws);
-            let end = if on { start + by } else { -(start + by) };
-            return VoltageMoments { mean: end.clamp(-INSIDE, INSIDE), variance: 0.0 };
-        }
-        elapsed += time_us.max(0.0);
-        fire(elapsed, on);
-        moments = VoltageMoments {
-            mean: motion.drift_per_us * (span_us - elapsed),
-            variance: rate * (span_us - elapsed),
-        };
-        let distance = 1.0 - moments.mean.abs();
-        if distance > 0.0 && REACH * REACH * moments.variance < distance * distance {
-            return moments;
-        }
-        if drift <= NEVER * rate {
-            let rest = span_us - elapsed;
-            let end =
-                passage::advance(0.0, motion, rest, draws, &mut |t, on| fire(elapsed + t, on));
-            return VoltageMoments { mean: end, variance: 0.0 };
-        }
-        (towards, past_us) = (0.0, 0.0);
-        time_us = time_along_one(1.0, motion, draws);
-    }
+    let (drift, side) = (motion.drift_per_us.abs(), motion.drift_per_us.signum());
+    let rate = motion.sigma_per_sqrt_us * motion.sigma_per_sqrt_us;
+    let past_us = if variance > 0.0 { variance / rate } else { 0.0 };
+    let start = side * mean - drift * past_us;
+    let end = start + move_below(1.0 - start, drift, rate, past_us + rest_us, draws);
+    VoltageMoments { mean: side * end.clamp(-INSIDE, INSIDE), variance: 0.0 }
 }
 
 /// A move over `span_us` along the drift given that it never reached `distance`.
-#[inline(never)]
 fn move_below(distance: f64, drift: f64, rate: f64, span_us: f64, draws: &mut CounterRng) -> f64 {
     let (mean, variance) = (drift * span_us, rate * span_us);
     let sd = variance.sqrt();

@@ -1,39 +1,9 @@
 //! The wide loop: what an interval does to the mean and variance of pixels that cannot fire.
 
+use super::voltages::VoltageColumns;
 use crate::voltmeter::coefficients::Coefficients;
 use crate::voltmeter::passage::REACH;
-use wide::f32x8;
-
-/// Pixels of one pass, as many as flags fit a word.
-pub(super) const LANES: usize = 64;
-
-/// Pixels of a register.
-const EIGHT: usize = 8;
-
-/// The columns of some pixels' state.
-pub(super) struct VoltageColumns<'a> {
-    pub(super) mean: &'a mut [f32],
-    pub(super) excess: &'a mut [f32],
-    pub(super) variance: &'a mut [f32],
-}
-
-/// Eight pixels of [`VoltageColumns`].
-struct VoltageLanes<'a> {
-    mean: &'a mut [f32; EIGHT],
-    excess: &'a mut [f32; EIGHT],
-    variance: &'a mut [f32; EIGHT],
-}
-
-impl VoltageColumns<'_> {
-    #[inline]
-    fn eight(&mut self, i: usize) -> VoltageLanes<'_> {
-        VoltageLanes {
-            mean: &mut self.mean.as_chunks_mut().0[i],
-            excess: &mut self.excess.as_chunks_mut().0[i],
-            variance: &mut self.variance.as_chunks_mut().0[i],
-        }
-    }
-}
+use multiversion::multiversion;
 
 /// The coefficients for one interval, in f32: a relative error of 3e-7 in drift and
 /// diffusion, for twice as many pixels a register.
@@ -64,63 +34,59 @@ impl IntervalCoefficients {
         }
     }
 
-    /// Moves the pixels that cannot fire, up to [`LANES`] of them, and returns a bit for each
-    /// that may.
+    /// Moves the pixels that cannot fire and tells which may. All slices are of one length.
     pub(super) fn let_drift(
         &self,
         before: &[f32],
         after: &[f32],
-        mut state: VoltageColumns<'_>,
-    ) -> u64 {
-        let (before, before_rest) = before.as_chunks::<EIGHT>();
-        let (after, after_rest) = after.as_chunks::<EIGHT>();
-        let mut flags = 0;
-        for (i, (before, after)) in before.iter().zip(after).enumerate() {
-            flags |= self.eight(before, after, state.eight(i)) << (EIGHT * i);
-        }
-        if before_rest.is_empty() {
-            return flags;
-        }
-        // Fewer than eight at the end of a block: the others of the register are dark and still.
-        let pad = |rest: &[f32]| {
-            let mut eight = [0.0; EIGHT];
-            eight[..rest.len()].copy_from_slice(rest);
-            eight
-        };
-        let done = EIGHT * before.len();
-        let [mut mean, mut excess, mut variance] =
-            [&state.mean, &state.excess, &state.variance].map(|column| pad(&column[done..]));
-        let eight = VoltageLanes { mean: &mut mean, excess: &mut excess, variance: &mut variance };
-        let n = before_rest.len();
-        let last = self.eight(&pad(before_rest), &pad(after_rest), eight) & ((1 << n) - 1);
-        state.mean[done..].copy_from_slice(&mean[..n]);
-        state.excess[done..].copy_from_slice(&excess[..n]);
-        state.variance[done..].copy_from_slice(&variance[..n]);
-        flags | last << done
+        state: VoltageColumns<'_>,
+        may_fire: &mut [bool],
+    ) {
+        let VoltageColumns { mean, excess, variance } = state;
+        drift(self, before, after, mean, excess, variance, may_fire);
     }
+}
 
-    /// Eight pixels in a register (or two).
-    #[inline]
-    fn eight(&self, before: &[f32; EIGHT], after: &[f32; EIGHT], state: VoltageLanes<'_>) -> u64 {
-        let (before, after) = (f32x8::from(*before), f32x8::from(*after));
-        let (mean, excess) = (f32x8::from(*state.mean), f32x8::from(*state.excess));
-        let variance = f32x8::from(*state.variance);
-        let all = f32x8::splat;
-        let middle = all(0.5) * before + all(0.5) * after;
-        let gain = all(1.0) / (middle + all(self.k2));
-        let leak = all(self.leak) + all(self.bright_leak) * middle;
-        let by = all(self.k1) * gain * (after - before) + leak - excess;
-        let sigma = all(self.k3) * gain * middle.sqrt() + all(self.k6);
-        let end = mean + by;
-        let spread = variance + sigma * sigma * all(self.span_us);
-        let distance = all(1.0) - mean.abs().fast_max(end.abs());
-        let is_near = all((REACH * REACH) as f32) * spread;
-        let is_free = distance.simd_gt(all(0.0)) & is_near.simd_lt(distance * distance);
-        *state.excess = is_free.select((end - mean) - by, excess).to_array();
-        *state.mean = is_free.select(end, mean).to_array();
-        *state.variance = is_free.select(spread, variance).to_array();
-        u64::from(!is_free.to_bitmask() & 0xFF)
+/// [`IntervalCoefficients::let_drift`], with arguments of which the compiler knows that they do not
+/// overlap, so that it works on a register of pixels at a time. No operation is fused or reordered:
+/// registers of any width give the same bits.
+#[multiversion(targets("x86_64+avx2"))]
+fn drift(
+    k: &IntervalCoefficients,
+    before: &[f32],
+    after: &[f32],
+    mean: &mut [f32],
+    excess: &mut [f32],
+    variance: &mut [f32],
+    may_fire: &mut [bool],
+) {
+    let n = may_fire.len();
+    let (before, after) = (&before[..n], &after[..n]);
+    let (mean, excess, variance) = (&mut mean[..n], &mut excess[..n], &mut variance[..n]);
+    for i in 0..n {
+        let middle = 0.5 * before[i] + 0.5 * after[i];
+        let gain = 1.0 / (middle + k.k2);
+        let leak = k.leak + k.bright_leak * middle;
+        let by = k.k1 * gain * (after[i] - before[i]) + leak - excess[i];
+        let sigma = k.k3 * gain * middle.sqrt() + k.k6;
+        let end = mean[i] + by;
+        let spread = variance[i] + sigma * sigma * k.span_us;
+        let farther = if mean[i].abs() > end.abs() { mean[i].abs() } else { end.abs() };
+        let distance = 1.0 - farther;
+        let reach = (REACH * REACH) as f32 * spread;
+        let is_free = (distance > 0.0) & (reach < distance * distance);
+        excess[i] = select(is_free, (end - mean[i]) - by, excess[i]);
+        mean[i] = select(is_free, end, mean[i]);
+        variance[i] = select(is_free, spread, variance[i]);
+        may_fire[i] = !is_free;
     }
+}
+
+/// `yes` or `no`, by a mask: from a branch the compiler makes stores that depend on it, one by one.
+#[inline(always)]
+fn select(condition: bool, yes: f32, no: f32) -> f32 {
+    let mask = 0_u32.wrapping_sub(u32::from(condition));
+    f32::from_bits(yes.to_bits() & mask | no.to_bits() & !mask)
 }
 
 #[cfg(test)]
@@ -132,7 +98,7 @@ mod tests {
         // One event per log unit: a pixel may fire where brightness doubles and doubles again.
         let k = Coefficients::new([1.0, 1e-6, 0.0, 0.0, 0.0, 0.0]).unwrap();
         let moves = IntervalCoefficients::new(&k, 1_000);
-        for n in [1, 7, 8, 9, 63, LANES] {
+        for n in [1, 7, 8, 9, 63, 64] {
             for bright in 0..n {
                 let before = vec![10.0; n];
                 let mut after = before.clone();
@@ -143,7 +109,10 @@ mod tests {
                     excess: &mut excess,
                     variance: &mut variance,
                 };
-                assert_eq!(moves.let_drift(&before, &after, state), 1 << bright, "{n} lanes");
+                let mut may_fire = vec![false; n];
+                moves.let_drift(&before, &after, state, &mut may_fire);
+                let expected: Vec<bool> = (0..n).map(|i| i == bright).collect();
+                assert_eq!(may_fire, expected, "{n} lanes");
             }
         }
     }
@@ -157,7 +126,9 @@ mod tests {
         for _ in 0..1_000_000 {
             let state =
                 VoltageColumns { mean: &mut mean, excess: &mut excess, variance: &mut variance };
-            assert_eq!(moves.let_drift(&[5.0], &[5.0], state), 0);
+            let mut may_fire = [true];
+            moves.let_drift(&[5.0], &[5.0], state, &mut may_fire);
+            assert!(!may_fire[0]);
         }
         assert!((f64::from(mean[0]) - 0.7).abs() < 1e-6, "{}", mean[0]);
     }

@@ -1,6 +1,5 @@
 //! The law of the voltages of a block of pixels.
 
-use super::drift::VoltageColumns;
 use std::ops::Range;
 
 /// The law of each pixel's voltage: normal with this mean and variance.
@@ -11,6 +10,13 @@ pub(crate) struct Voltages {
     pub(super) excess: Vec<f32>,
     /// Grows from 0 after each draw; f32 keeps it to n frames times 6e-8.
     pub(super) variance: Vec<f32>,
+}
+
+/// The columns of some pixels' state.
+pub(super) struct VoltageColumns<'a> {
+    pub(super) mean: &'a mut [f32],
+    pub(super) excess: &'a mut [f32],
+    pub(super) variance: &'a mut [f32],
 }
 
 /// A voltage of which so much is known.
