@@ -19,7 +19,7 @@ impl Crossing {
         // Not `ceil`, which is a call where the processor is not known to round.
         let below = offset_us as u32;
         let whole = (below + u32::from(f64::from(below) < offset_us)).clamp(1, span_us);
-        Self(u64::from(whole) << 33 | u64::from(on) * Self::ON | u64::from(pixel))
+        Self((u64::from(whole) << 33) | (u64::from(on) * Self::ON) | u64::from(pixel))
     }
 
     fn offset_us(self) -> u32 {
@@ -164,7 +164,7 @@ impl RowDivision {
 
     #[inline]
     fn row(self, pixel: u32) -> u16 {
-        (u64::from(pixel) * self.per_width >> 48) as u16
+        ((u64::from(pixel) * self.per_width) >> 48) as u16
     }
 
     #[inline]

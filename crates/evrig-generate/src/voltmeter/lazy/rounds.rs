@@ -229,3 +229,59 @@ fn set_times(pixels: &mut EventRounds) {
         time[i] = if is_driven { after } else { f64::INFINITY };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A draw of the inverse Gaussian by the larger root of Michael, Schucany and Haas as they
+    /// write it, from the same normal and uniform number.
+    fn inverse_gaussian(mean: f64, shape: f64, normal: f64, uniform: f64) -> f64 {
+        let y = normal * normal;
+        let root = (4.0 * mean * shape * y + (mean * y).powi(2)).sqrt();
+        let larger = mean + 0.5 * mean / shape * (mean * y + root);
+        let smaller = mean * mean / larger;
+        if uniform <= mean / (mean + smaller) { smaller } else { larger }
+    }
+
+    #[test]
+    fn pixels_in_lanes_get_the_motion_and_time_that_one_alone_gets() {
+        let k = Coefficients::RAW2DVS346;
+        let (source, span_us) = (RandomSource::new(5), 8_333);
+        let interval = FrameSpan { index: 3, start_us: 0, span_us, brightest: 1e3 };
+        let (before, after): (Vec<f32>, Vec<f32>) =
+            (0..51).map(|i| i as f32).map(|i| (100.0 + i, 400.0 - 7.0 * i)).unzip();
+        // Every third pixel is not taken in; the others have come a part of the way, some of them
+        // with noise that was not drawn.
+        let may_fire: Vec<bool> = (0..51).map(|i| i % 3 > 0).collect();
+        let moments = |i: usize| VoltageMoments {
+            mean: 0.01 * i as f64,
+            variance: if i.is_multiple_of(2) { 0.0 } else { 1e-6 },
+        };
+        let mut rounds = EventRounds::new(source, interval);
+        rounds.start(700, &may_fire, [&before, &after], moments, &k);
+        assert!(rounds.draw());
+        let mut n_seen = 0;
+        rounds.retain(|pixel| {
+            let i = pixel.index;
+            assert!(may_fire[i] && pixel.moments == moments(i));
+            let exact = k.motion(before[i], after[i], f64::from(span_us));
+            let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
+            assert!(close(pixel.motion.drift_per_us, exact.drift_per_us));
+            assert!(close(pixel.motion.sigma_per_sqrt_us, exact.sigma_per_sqrt_us));
+            let past_us = pixel.moments.variance / exact.sigma_per_sqrt_us.powi(2);
+            let drift = exact.drift_per_us.abs();
+            let towards = pixel.moments.mean * exact.drift_per_us.signum();
+            let distance = 1.0 - towards + drift * past_us;
+            let mut draws = source.draws(700 + i as u32, 3);
+            let (normal, uniform) = (draws.normal(), draws.uniform());
+            let shape = (distance / exact.sigma_per_sqrt_us).powi(2);
+            let alone = inverse_gaussian(distance / drift, shape, normal, uniform) - past_us;
+            assert!((pixel.time_us - alone).abs() < 1e-6 * alone.abs(), "{i}: {alone}");
+            n_seen += 1;
+            None
+        });
+        assert_eq!(n_seen, 34);
+        assert!(!rounds.draw(), "no pixel goes on");
+    }
+}
