@@ -62,7 +62,7 @@ def test_a_dataset_of_windows_serves_workers(street, tmp_path):
 def test_transforms_of_tonic_take_the_events(street):
     transforms = pytest.importorskip("tonic.transforms")
     events = street.events().between(*street.events().t[[0, 5000]].tolist())
-    frame = transforms.ToFrame(sensor_size=(346, 260, 2), n_time_bins=1)(events.to_tonic())
+    frame = transforms.ToFrame(sensor_size=(346, 260, 2), event_count=len(events))(events.to_tonic())
     assert frame.shape == (1, 2, 260, 346) and int(frame.sum()) == len(events)
 
 

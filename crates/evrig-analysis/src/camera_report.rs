@@ -8,10 +8,11 @@ mod burst_profile;
 mod burst_shape;
 mod burst_wake;
 mod chance;
-mod fourier;
+
 mod frame_coupling;
 mod frame_fold;
 mod frame_period;
+mod hann_spectrum;
 mod interval_counts;
 mod onset_fit;
 mod pixel_outliers;
@@ -240,7 +241,9 @@ fn follow_frames(
         return (frame_bursts(events, size, frames, step_us), Some(frames.clone()));
     }
     let cycles = frame_period::frame_periods(events, size).into_iter();
-    let by_strength = cycles.map(|cycle| (frame_coupling::strength(events, size, &cycle), cycle));
+    let some = frame_period::thinned(events);
+    let strength = |cycle: &FrameStarts| frame_coupling::strength(some.as_slice(), size, cycle);
+    let by_strength = cycles.map(|cycle| (strength(&cycle), cycle));
     if let Some((_, cycle)) = by_strength.max_by(|a, b| a.0.total_cmp(&b.0)) {
         let n_cycles = frame_period::n_cycles(events.t);
         let coupling = frame_coupling::coupling(events, size, &cycle, step_us, n_cycles);

@@ -123,9 +123,12 @@ impl ResidualBands {
         let height = usize::from(size.height);
         let core_us = found.width_us;
         fold.visit(events.t, |i, _, since| {
+            if events.on[i] != on {
+                return;
+            }
             let row = f64::from(events.y[i]);
             let residual = fold.wrap(since - delay_us - row_us * row);
-            if events.on[i] == on && residual.abs() < half_us {
+            if residual.abs() < half_us {
                 let band = usize::from(events.y[i]) * N_BANDS / height;
                 let bin = ((residual + half_us) / bin_us) as usize;
                 bands.counts[band][bin.min(n_bins - 1)] += 1;

@@ -44,8 +44,11 @@ pub(super) fn wake(
     let [delay, row, end] = [shape.delay_us.value, shape.row_us.value, shape.window_us[1]];
     let mut counts = vec![0.0; N_BINS];
     fold.visit(events.t, |i, _, since| {
+        if events.on[i] != on {
+            return;
+        }
         let after = fold.wrap(since - delay - row * f64::from(events.y[i])) - end;
-        if events.on[i] == on && after >= 0.0 && after < range_us {
+        if after >= 0.0 && after < range_us {
             counts[((after / bin_us) as usize).min(N_BINS - 1)] += 1.0;
         }
     });

@@ -151,10 +151,15 @@ pub(super) fn coupling(
         bursts: Vec::new(),
         rejected: Vec::new(),
     };
-    for on in [true, false] {
-        if n_events[usize::from(!on)] >= MIN_EVENTS as u64 {
-            search(events, size, &fold, on, [step_us, n_cycles], &mut found);
-        }
+    let searched = |on: bool| {
+        let is_enough = n_events[usize::from(!on)] >= MIN_EVENTS as u64;
+        is_enough.then(|| search(events, size, &fold, on, [step_us, n_cycles])).flatten()
+    };
+    let (on, off) = rayon::join(|| searched(true), || searched(false));
+    for of_polarity in [on, off].into_iter().flatten() {
+        found.n_trials = of_polarity.n_trials;
+        found.bursts.extend(of_polarity.bursts);
+        found.rejected.extend(of_polarity.rejected);
     }
     SectionResult::Known(found)
 }
@@ -169,24 +174,31 @@ pub(super) fn strength(events: EventSlice<'_>, size: Size, cycle: &FrameStarts) 
         let best = if table.is_searchable() { table.best() } else { None };
         best.map_or(0.0, |best| best.z)
     };
-    excess(true).max(excess(false))
+    let (on, off) = rayon::join(|| excess(true), || excess(false));
+    on.max(off)
 }
 
+/// What one polarity shows.
+struct PolaritySearch {
+    n_trials: f64,
+    bursts: Vec<CouplingBurst>,
+    rejected: Vec<RejectedBurst>,
+}
+
+/// `None` where no window with its surroundings fits into the cycle.
 fn search(
     events: EventSlice<'_>,
     size: Size,
     fold: &FrameFold<'_>,
     on: bool,
     [step_us, n_cycles]: [f64; 2],
-    found: &mut FrameCoupling,
-) {
+) -> Option<PolaritySearch> {
     let mut table = PhaseTable::new(events, size, fold, on, step_us);
     if !table.is_searchable() {
-        return;
+        return None;
     }
     let n_trials = n_cycles * table.n_trials();
-    found.n_trials = n_trials;
-    let mut bursts: Vec<CouplingBurst> = Vec::new();
+    let (mut bursts, mut rejected) = (Vec::<CouplingBurst>::new(), Vec::new());
     for _ in 0..MAX_CANDIDATES {
         let Some(best) = table.best() else { break };
         if n_trials * normal_tail(best.z) > LEVEL {
@@ -202,20 +214,21 @@ fn search(
         table.remove(delay, row, half_us);
         let polarity = PolarityName::of(on);
         match measure(events, fold, on, &shape, table.bin_us, n_trials) {
-            Ok(burst) if is_lamp(found.reference, &burst, size) => found
-                .rejected
-                .push(RejectedBurst::new(polarity, &shape, "all rows at once, as a lamp flickers")),
+            Ok(burst) if fold.reference == FrameReference::FoundPeriod && is_lamp(&burst, size) => {
+                let reason = "all rows at once, as a lamp flickers";
+                rejected.push(RejectedBurst::new(polarity, &shape, reason));
+            }
             Ok(burst) => bursts.push(burst),
-            Err(reason) => found.rejected.push(RejectedBurst::new(polarity, &shape, reason)),
+            Err(reason) => rejected.push(RejectedBurst::new(polarity, &shape, reason)),
         }
     }
     bursts.sort_by(|a, b| b.share.value.total_cmp(&a.share.value));
-    found.bursts.extend(bursts);
+    Some(PolaritySearch { n_trials, bursts, rejected })
 }
 
-fn is_lamp(reference: FrameReference, burst: &CouplingBurst, size: Size) -> bool {
+fn is_lamp(burst: &CouplingBurst, size: Size) -> bool {
     let sweep_us = burst.row_us.value.abs() * f64::from(size.height);
-    reference == FrameReference::FoundPeriod && sweep_us < MIN_SWEEP_WIDTHS * burst.width_us.value
+    sweep_us < MIN_SWEEP_WIDTHS * burst.width_us.value
 }
 
 impl RejectedBurst {

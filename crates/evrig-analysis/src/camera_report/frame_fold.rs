@@ -78,6 +78,7 @@ impl FrameStarts {
 pub(super) struct FrameFold<'a> {
     pub(super) starts: &'a [i64],
     pub(super) period_us: f64,
+    pub(super) reference: FrameReference,
 }
 
 impl<'a> FrameFold<'a> {
@@ -85,7 +86,8 @@ impl<'a> FrameFold<'a> {
         let n = frames.starts_us.len();
         match frames.period_us() {
             Some(period_us) if n >= min_frames && period_us > 0.0 => {
-                SectionResult::Known(Self { starts: &frames.starts_us, period_us })
+                let FrameStarts { starts_us: starts, reference } = frames;
+                SectionResult::Known(Self { starts, period_us, reference: *reference })
             }
             _ => SectionResult::not_measured(format!(
                 "too few frames to find events that follow them: {n}, at least {min_frames} are \
@@ -112,7 +114,10 @@ impl<'a> FrameFold<'a> {
 
     /// A time difference wrapped into half a period to either side.
     pub(super) fn wrap(&self, us: f64) -> f64 {
-        us - self.period_us * (us / self.period_us).round()
+        // Adding and subtracting 1.5 * 2^52 rounds a small double to a whole number; `round` is a
+        // function call where the processor's rounding instruction is not presupposed.
+        const ROUNDING: f64 = 6_755_399_441_055_744.0;
+        us - self.period_us * ((us / self.period_us + ROUNDING) - ROUNDING)
     }
 }
 

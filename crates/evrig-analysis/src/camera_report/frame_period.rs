@@ -4,11 +4,10 @@
 //! harmonics. The power at the harmonics is added over bands; the best frequencies are refined by
 //! folding the events, over longer and longer stretches of time.
 
-use super::fourier::transform;
 use super::frame_fold::{FrameReference, FrameStarts};
-use evrig_core::event::EventSlice;
+use super::hann_spectrum::HannSpectrum;
+use evrig_core::event::{EventSlice, Events};
 use evrig_core::geometry::Size;
-use std::f64::consts::TAU;
 
 /// Frame rates of cameras with frames and events, Hz.
 pub(super) const FRAME_RATE_HZ: [f64; 2] = [4.0, 125.0];
@@ -33,7 +32,7 @@ const MAX_PERIODS: usize = 2;
 /// Phase bins of a folded band; a band's burst is as long as its rows take.
 const N_PHASE_BINS: usize = 128;
 
-/// Events of one refinement, at most: a work budget.
+/// Events of one refinement, and of the comparison of cycles, at most: a work budget.
 const MAX_EVENTS: usize = 500_000;
 
 /// Steps of a refinement to either side.
@@ -80,8 +79,9 @@ fn frequencies(events: EventSlice<'_>, size: Size) -> Vec<f64> {
     // The power of two below: what is cut off is used by the refinement.
     let n_samples = (1_usize << n_samples.ilog2()).min(MAX_SAMPLES);
     let mut power = vec![0.0; n_samples / 2];
+    let mut spectrum = HannSpectrum::new(n_samples);
     for band in 0..N_BANDS {
-        add_band(events, size, band, n_samples, &mut power);
+        add_band(events, size, band, &mut spectrum, &mut power);
     }
     let step_hz = 1e6 / (SAMPLE_US * n_samples as f64);
     let at = |hz: f64| power.get((hz / step_hz).round() as usize).copied().unwrap_or(0.0);
@@ -107,32 +107,31 @@ fn frequencies(events: EventSlice<'_>, size: Size) -> Vec<f64> {
 }
 
 /// Adds the power of a band's rate, relative to its own noise.
-fn add_band(events: EventSlice<'_>, size: Size, band: usize, n_samples: usize, power: &mut [f64]) {
+fn add_band(
+    events: EventSlice<'_>,
+    size: Size,
+    band: usize,
+    spectrum: &mut HannSpectrum,
+    power: &mut [f64],
+) {
     let start_us = events.t[0];
-    let mut re = vec![0.0; n_samples];
-    let mut n_events = 0.0;
+    let n_samples = 2 * power.len();
+    let mut samples = vec![0.0; n_samples];
+    let mut n_events = 0.0_f64;
     for (t, y) in events.t.iter().zip(events.y) {
         let sample = ((t - start_us) as f64 / SAMPLE_US) as usize;
         if sample >= n_samples {
             break;
         }
         if usize::from(*y) * N_BANDS / usize::from(size.height) == band {
-            re[sample] += 1.0;
+            samples[sample] += 1.0;
             n_events += 1.0;
         }
     }
     if n_events == 0.0 {
         return;
     }
-    let mean = n_events / n_samples as f64;
-    for (i, value) in re.iter_mut().enumerate() {
-        *value = (*value - mean) * 0.5 * (1.0 - (TAU * i as f64 / n_samples as f64).cos());
-    }
-    let mut im = vec![0.0; n_samples];
-    transform(&mut re, &mut im);
-    for (bin, power) in power.iter_mut().enumerate() {
-        *power += (re[bin] * re[bin] + im[bin] * im[bin]) / n_events;
-    }
+    spectrum.add_power(&samples, n_events.recip(), power);
 }
 
 /// The period at which folded bands depart most from a constant rate.
@@ -154,6 +153,12 @@ fn refine(events: EventSlice<'_>, size: Size, period_us: f64) -> f64 {
         }
         length_us = (4.0 * length_us).min(duration_us);
     }
+}
+
+/// Every n-th event, for work that is done once per cycle.
+pub(super) fn thinned(events: EventSlice<'_>) -> Events {
+    let every = events.len().div_ceil(MAX_EVENTS).max(1);
+    events.iter().step_by(every).collect()
 }
 
 /// Squares of the counts by phase and band, over their means.

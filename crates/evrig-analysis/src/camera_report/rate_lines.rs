@@ -99,6 +99,8 @@ const CHECKERBOARD: usize = N_PARTS - 2;
 /// Counts of ON and OFF by time.
 struct RateCounts {
     parts: Vec<[Vec<f32>; 2]>,
+    /// Their sums.
+    totals: Vec<[f64; 2]>,
     sample_us: f64,
     n_samples: usize,
     n_stretches: usize,
@@ -134,22 +136,22 @@ pub(super) fn lines(
     };
     let bins = (MIN_FREQUENCY_HZ / resolution_hz).ceil() as usize..counts.n_samples / 2;
     let n_trials = (bins.len() * SERIES.len() * (N_PARTS - 2)) as f64;
+    let whole = counts.spectrum(0, RateSeries::Sum, None);
+    let needed = whole.ratio_at(LEVEL / n_trials);
     let mut found: Vec<(f64, RateLine)> = Vec::new();
     for part in (0..CHECKERBOARD).filter(|part| counts.n_events(*part) >= MIN_EVENTS) {
         for of in SERIES {
             let spectrum = counts.spectrum(part, of, None);
             for bin in bins.clone() {
-                let chance = n_trials * spectrum.chance(bin);
-                let is_line = chance <= LEVEL && spectrum.is_peak(bin);
+                let is_line = spectrum.ratio(bin) >= needed && spectrum.is_peak(bin);
                 if is_line && !is_comb(bin as f64 * resolution_hz) {
+                    let chance = n_trials * spectrum.chance(bin);
                     let line = counts.line(&spectrum, bin, part, of, chance);
                     found.push((spectrum.ratio(bin), line));
                 }
             }
         }
     }
-    let whole = counts.spectrum(0, RateSeries::Sum, None);
-    let needed = whole.ratio_at(LEVEL / n_trials);
     let noise = upper_median(&mut whole.noise[bins.start..].to_vec()).unwrap_or(f64::NAN);
     SectionResult::Known(RateLines {
         lines: distinct_lines(&counts, found),
@@ -202,7 +204,9 @@ impl RateCounts {
                 parts[part][usize::from(!events.on[i])][sample.min(total - 1)] += 1.0;
             }
         }
-        Self { parts, sample_us, n_samples, n_stretches }
+        let sum = |samples: &Vec<f32>| samples.iter().copied().map(f64::from).sum();
+        let totals = parts.iter().map(|[on, off]| [sum(on), sum(off)]).collect();
+        Self { parts, totals, sample_us, n_samples, n_stretches }
     }
 
     fn resolution_hz(&self) -> f64 {
@@ -210,17 +214,15 @@ impl RateCounts {
     }
 
     fn n_events(&self, part: usize) -> f64 {
-        self.parts[part].iter().flatten().map(|n| f64::from(*n)).sum()
+        self.totals[part].iter().sum()
     }
 
     fn n_series(&self, part: usize, of: RateSeries) -> f64 {
-        let count = |polarity: usize| -> f64 {
-            self.parts[part][polarity].iter().map(|n| f64::from(*n)).sum()
-        };
+        let [on, off] = self.totals[part];
         match of {
-            RateSeries::On => count(0),
-            RateSeries::Off => count(1),
-            RateSeries::Sum | RateSeries::Difference => count(0) + count(1),
+            RateSeries::On => on,
+            RateSeries::Off => off,
+            RateSeries::Sum | RateSeries::Difference => on + off,
         }
     }
 

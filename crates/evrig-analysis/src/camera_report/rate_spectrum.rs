@@ -1,9 +1,8 @@
 //! Power of a rate by frequency, and the power of noise there.
 
-use super::fourier::transform;
+use super::hann_spectrum::HannSpectrum;
 use evrig_core::stats::upper_median;
 use statrs::function::gamma::gamma_ur;
-use std::f64::consts::TAU;
 
 /// Frequencies to either side, beyond the line itself, whose median power is the noise's.
 const SURROUNDING_BINS: usize = 40;
@@ -20,10 +19,11 @@ pub(super) struct RateSpectrum {
 impl RateSpectrum {
     /// Mean power over stretches of equal length, a power of two.
     pub(super) fn of(stretches: &[&[f64]]) -> Self {
-        let mut power = vec![0.0; stretches.first().map_or(0, |stretch| stretch.len() / 2)];
-        stretches.iter().for_each(|stretch| add_power(stretch, &mut power));
+        let n_samples = stretches.first().map_or(2, |stretch| stretch.len());
         let n_stretches = stretches.len().max(1) as f64;
-        power.iter_mut().for_each(|power| *power /= n_stretches);
+        let mut power = vec![0.0; n_samples / 2];
+        let mut spectrum = HannSpectrum::new(n_samples);
+        stretches.iter().for_each(|s| spectrum.add_power(s, n_stretches.recip(), &mut power));
         let noise = surroundings(&power, n_stretches);
         Self { power, noise, n_stretches }
     }
@@ -56,23 +56,6 @@ impl RateSpectrum {
         let from = bin.saturating_sub(LINE_BINS);
         let near = &self.power[from..(bin + LINE_BINS + 1).min(self.power.len())];
         near.iter().all(|power| *power <= self.power[bin])
-    }
-}
-
-/// Adds the power of a stretch under Hann's window, which keeps slow changes out of high
-/// frequencies.
-fn add_power(stretch: &[f64], power: &mut [f64]) {
-    let n = stretch.len();
-    let mean = stretch.iter().sum::<f64>() / n as f64;
-    let mut re: Vec<f64> = stretch
-        .iter()
-        .enumerate()
-        .map(|(i, value)| (value - mean) * 0.5 * (1.0 - (TAU * i as f64 / n as f64).cos()))
-        .collect();
-    let mut im = vec![0.0; n];
-    transform(&mut re, &mut im);
-    for (bin, power) in power.iter_mut().enumerate() {
-        *power += re[bin] * re[bin] + im[bin] * im[bin];
     }
 }
 

@@ -10,6 +10,7 @@ use super::chance::excess_z;
 use super::frame_fold::FrameFold;
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;
+use std::ops::Range;
 
 /// Phase bins of a frame's cycle, at most: a work budget, as the work grows with the square.
 const MAX_BINS: f64 = 2_048.0;
@@ -23,6 +24,12 @@ const WIDTHS: [usize; 5] = [1, 2, 4, 8, 16];
 /// Bins between a window and its surroundings, and of the surroundings to either side.
 pub(super) const GUARD_BINS: usize = 16;
 pub(super) const SIDE_BINS: usize = 48;
+
+/// Bins beyond either end of the cycle that windows and their surroundings need.
+const REACH: usize = GUARD_BINS + SIDE_BINS + WIDTHS[WIDTHS.len() - 1];
+
+/// Windows that are compared with the best one at once.
+const BLOCK_BINS: usize = 64;
 
 /// Rows of a group; the work is least near the square root of the number of rows.
 const GROUP_ROWS: usize = 16;
@@ -91,6 +98,7 @@ impl PhaseTable {
         let coarse_step = (self.n_rows as f64 / GROUP_ROWS as f64).max(1.0);
         let mut groups = vec![0.0_f32; n_groups * self.n_bins];
         let mut line = vec![0.0_f32; self.n_bins];
+        let mut sums = Vec::with_capacity(self.n_bins + 2 * REACH + 1);
         let (mut best, mut grouped_for): (Option<ShearedWindow>, Option<i64>) = (None, None);
         for shift in self.shifts() {
             let coarse = (shift as f64 / coarse_step).round() as i64;
@@ -103,7 +111,8 @@ impl PhaseTable {
                 let row = (group * GROUP_ROWS) as f64;
                 add_shifted(&mut line, counts, self.shift_of_row(row, shift as f64));
             }
-            best_window(&line, &mut best, self.bin_us, shift as f64 / self.n_rows as f64);
+            let scales = [self.bin_us, shift as f64 / self.n_rows as f64];
+            best_window(&line, &mut sums, &mut best, scales);
         }
         best
     }
@@ -147,42 +156,87 @@ fn add_shifted(line: &mut [f32], counts: &[f32], shift: usize) {
 }
 
 /// Compares all windows on a line of bins with the more populated of their two sides.
-fn best_window(line: &[f32], best: &mut Option<ShearedWindow>, bin_us: f64, bins_per_row: f64) {
+fn best_window(
+    line: &[f32],
+    sums: &mut Vec<f64>,
+    best: &mut Option<ShearedWindow>,
+    [bin_us, bins_per_row]: [f64; 2],
+) {
     let n = line.len();
     // Sums from the first bin on, over the cycle and what windows need beyond either end.
-    let reach = GUARD_BINS + SIDE_BINS + WIDTHS[WIDTHS.len() - 1];
-    let mut sums = Vec::with_capacity(n + 2 * reach + 1);
+    sums.clear();
     let mut sum = 0.0_f64;
     sums.push(sum);
-    for i in 0..n + 2 * reach {
-        sum += f64::from(line[(i + n - reach % n) % n]);
+    let [head, tail] = [&line[..REACH], &line[n - REACH..]];
+    for count in tail.iter().chain(line).chain(head) {
+        sum += f64::from(*count);
         sums.push(sum);
     }
     for width in WIDTHS {
-        let ratio = width as f64 / SIDE_BINS as f64;
-        for bin in 0..n {
-            let begin = bin + reach;
-            let end = begin + width;
-            let inside = sums[end] - sums[begin];
-            let before = sums[begin - GUARD_BINS] - sums[begin - GUARD_BINS - SIDE_BINS];
-            let after = sums[end + GUARD_BINS + SIDE_BINS] - sums[end + GUARD_BINS];
-            let outside = before.max(after);
-            let beyond = inside - ratio * outside;
+        let windows = WindowSums::new(sums, n, width);
+        for from in (0..n).step_by(BLOCK_BINS) {
+            let bins = from..(from + BLOCK_BINS).min(n);
             let least = best.map_or(0.0, |best| best.z);
-            // The likelihood ratio is never above Pearson's statistic of the expected number.
-            let is_less = outside > 0.0 && beyond * beyond <= least * least * ratio * outside;
-            if beyond <= 0.0 || is_less {
+            if !windows.may_exceed(least, bins.clone()) {
                 continue;
             }
-            let z = excess_z(inside, outside, ratio);
-            if z > least {
-                *best = Some(ShearedWindow {
-                    z,
-                    delay_us: (bin as f64 + 0.5 * width as f64) * bin_us,
-                    row_us: bins_per_row * bin_us,
-                    width_us: width as f64 * bin_us,
-                });
+            for bin in bins {
+                let z = windows.excess(bin);
+                if z > best.map_or(0.0, |best| best.z) {
+                    *best = Some(ShearedWindow {
+                        z,
+                        delay_us: (bin as f64 + 0.5 * width as f64) * bin_us,
+                        row_us: bins_per_row * bin_us,
+                        width_us: width as f64 * bin_us,
+                    });
+                }
             }
         }
+    }
+}
+
+/// Sums at both ends of all windows of a width and of their surroundings, by the window's bin.
+struct WindowSums<'a> {
+    inside: [&'a [f64]; 2],
+    before: [&'a [f64]; 2],
+    after: [&'a [f64]; 2],
+    ratio: f64,
+}
+
+impl<'a> WindowSums<'a> {
+    /// `sums` begins [`REACH`] bins before the first of `n` windows.
+    fn new(sums: &'a [f64], n: usize, width: usize) -> Self {
+        let at = |offset: usize| &sums[offset..offset + n];
+        let after = REACH + width + GUARD_BINS;
+        Self {
+            inside: [at(REACH), at(REACH + width)],
+            before: [at(REACH - GUARD_BINS - SIDE_BINS), at(REACH - GUARD_BINS)],
+            after: [at(after), at(after + SIDE_BINS)],
+            ratio: width as f64 / SIDE_BINS as f64,
+        }
+    }
+
+    /// Whether the excess of any of some windows may exceed `least`: the likelihood ratio is never
+    /// above Pearson's statistic of the expected number. Without a branch, for vector registers.
+    fn may_exceed(&self, least: f64, bins: Range<usize>) -> bool {
+        let [inside, before, after] =
+            [self.inside, self.before, self.after].map(|ends| ends.map(|sums| &sums[bins.clone()]));
+        let bar = least * least * self.ratio;
+        let mut may_exceed = false;
+        for i in 0..bins.len() {
+            let [inside, before, after] =
+                [inside, before, after].map(|[from, to]: [&[f64]; 2]| to[i] - from[i]);
+            let outside = if before > after { before } else { after };
+            let beyond = inside - self.ratio * outside;
+            may_exceed |= (beyond > 0.0) & (beyond * beyond > bar * outside);
+        }
+        may_exceed
+    }
+
+    /// Excess of a window over the more populated of its sides, standard errors.
+    fn excess(&self, bin: usize) -> f64 {
+        let [inside, before, after] =
+            [self.inside, self.before, self.after].map(|[from, to]| to[bin] - from[bin]);
+        excess_z(inside, before.max(after), self.ratio)
     }
 }
