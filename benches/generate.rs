@@ -6,6 +6,9 @@
 //! events/s, ns per pixel-frame and the ratio to the time of reading the frame and of reading and
 //! writing the minimal state (brightness and one f64) once.
 //!
+//! `cargo bench --bench generate -- --clip FILE WIDTH HEIGHT` times the voltmeter alone on other
+//! frames: little-endian 16-bit samples, 120 frames per second, one thread.
+//!
 //! The table includes eventcv-core, a third-party compiled and parallel v2e pixel, with the
 //! parameters of `v2e-clean` and `v2e-noisy` and without its own upsampling.
 
@@ -245,9 +248,47 @@ fn table() {
     }
 }
 
+/// Seconds that the voltmeter takes for frames from a file, as JSON: with the memory of the events
+/// reused from frame to frame, and with all events kept.
+fn time_clip(path: &str, size: Size) {
+    let bytes = std::fs::read(path).unwrap();
+    let frames: Vec<Luminance> = bytes
+        .chunks_exact(2 * size.n_pixels())
+        .enumerate()
+        .map(|(i, frame)| Luminance {
+            t_us: (i as f64 * 1e6 / 120.0).round() as i64,
+            size,
+            values: frame.as_chunks().0.iter().map(|dn| u16::from_le_bytes(*dn).into()).collect(),
+        })
+        .collect();
+    let run = |is_kept: bool| {
+        let GeneratorSource::Own(choice) = &cases()[0].made else { return (0, 0.0) };
+        let parameters = GenerateParameters::from_choice(choice).unwrap();
+        let mut generator = build(&parameters, NonZeroUsize::new(1)).unwrap();
+        let (mut out, mut n_events, start) = (Events::new(), 0, Instant::now());
+        for frame in &frames {
+            if !is_kept {
+                out.clear();
+            }
+            let before = out.len();
+            generator.push(black_box(frame), &mut out).unwrap();
+            n_events += out.len() - before;
+        }
+        black_box(&out);
+        (n_events, start.elapsed().as_secs_f64())
+    };
+    let ((n_events, reused), (_, kept)) = (run(false), run(true));
+    println!("{{\"n_events\": {n_events}, \"reused_s\": {reused}, \"kept_s\": {kept}}}");
+}
+
 fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(at) = arguments.iter().position(|argument| argument == "--clip") {
+        let [path, width, height] = &arguments[at + 1..at + 4] else { return };
+        return time_clip(path, Size::new(width.parse().unwrap(), height.parse().unwrap()));
+    }
     table();
-    if std::env::args().any(|argument| argument == "--table") {
+    if arguments.iter().any(|argument| argument == "--table") {
         return;
     }
     let mut criterion = Criterion::default().configure_from_args().sample_size(20);

@@ -1,9 +1,10 @@
 """Overhead of the Python package against the library, in one run of the installed wheel.
 
-usage: python benches/python.py [--events N] [--repeats N]
+usage: python benches/python.py [--events N] [--repeats N] [--clip FRAMES.npy]
 
-1. `evrig.generate` against the time that the library reports for its generator alone, on the same
-   frames (`evrig generate --json`).
+1. The voltmeter model on one thread: the library (`cargo bench --bench generate -- --clip`), with
+   the memory of the events reused and with all events kept, against the generator within
+   `evrig generate` and against `evrig.generate`, on the same 16-bit frames at 120 frames/s.
 2. `evrig.Generator.push`, per frame of 692 x 520 in 16 bits, as a Raspberry Pi's camera gives them.
 3. `evrig.read_events` with `evrig.camera_report` against `evrig camera-report` on the same file.
 
@@ -21,6 +22,7 @@ import tempfile
 import time
 from pathlib import Path
 from statistics import median
+from typing import Callable, Dict, List
 
 import numpy as np
 
@@ -45,24 +47,57 @@ def timed(work) -> float:
     return time.perf_counter() - begun
 
 
-def generation(folder: Path, repeats: int) -> None:
-    frames = np.rint(moving_frames(120, 346, 260, 255)).astype(np.uint8)
-    t_us = np.arange(len(frames), dtype=np.int64) * 8_333
+def of_library(frames: np.ndarray, folder: Path) -> Callable[[], Dict[str, float]]:
+    """Builds the benchmark of the library; the result runs it on the frames."""
+    samples = folder / "frames.raw"
+    frames.astype("<u2").tofile(samples)
+    height, width = frames.shape[1:]
+    size = [str(width), str(height)]
+    command = ["cargo", "bench", "--locked", "--quiet", "--bench", "generate", "--", "--clip", samples, *size]
+
+    def run() -> Dict[str, float]:
+        done = subprocess.run(
+            command, cwd=Path(__file__).parents[1], check=True, stdout=subprocess.PIPE
+        )
+        return json.loads(done.stdout)
+
+    run()
+    return run
+
+
+def generation(folder: Path, frames: np.ndarray, repeats: int) -> None:
+    t_us = np.rint(np.arange(len(frames)) * 1e6 / 120).astype(np.int64)
     session = evrig.create_session(folder / "frames", frames, t_us)
-    command = [find_program(), "generate", str(session.path), "--force", "--json", "--name", "cli"]
-    library, package = [], []
+    program = [find_program(), "generate", str(session.path), "--preset", "Raw2DVS346"]
+    program += ["--force", "--json", "--name", "cli"]
+    one_thread = {**os.environ, "RAYON_NUM_THREADS": "1"}
+    library = of_library(frames, folder)
+    seconds: Dict[str, List[float]] = {}
     for _ in range(repeats):
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        library.append(json.loads(done.stdout)["speed"]["seconds"])
-        package.append(timed(lambda: evrig.generate(frames, t_us)))
-    events = evrig.generate(frames, t_us)
+        alone = library()
+        done = subprocess.run(program, check=True, capture_output=True, env=one_thread)
+        times = {
+            "library, memory reused": alone["reused_s"],
+            "library, events kept": alone["kept_s"],
+            "evrig generate": json.loads(done.stdout)["speed"]["seconds"],
+            "evrig.generate": timed(lambda: evrig.generate(frames, t_us, preset="Raw2DVS346", threads=1)),
+        }
+        for name, time_s in times.items():
+            seconds.setdefault(name, []).append(time_s)
+    events = evrig.generate(frames, t_us, preset="Raw2DVS346", threads=1)
     same = session.events("cli")
     assert all(np.array_equal(a, b) for a, b in zip(events.columns, same.columns))
-    ratio = median(package) / median(library)
-    print(
-        f"generate, {len(frames)} frames of 346 x 260, {len(events)} events: library "
-        f"{median(library):.3f} s, package {median(package):.3f} s, ratio {ratio:.3f}"
-    )
+    n, height, width = frames.shape
+    print(f"{n} frames of {width} x {height}, {len(events)} events, one thread")
+    for name, against in [
+        ("library, memory reused", "library, memory reused"),
+        ("library, events kept", "library, memory reused"),
+        ("evrig generate", "library, memory reused"),
+        ("evrig.generate", "library, events kept"),
+    ]:
+        ns = 1e9 * median(seconds[name]) / (n * width * height)
+        ratio = median(a / b for a, b in zip(seconds[name], seconds[against]))
+        print(f"{name:24} {ns:6.2f} ns per pixel and frame, {ratio:.3f} of {against}")
 
 
 def streaming(repeats: int) -> None:
@@ -75,8 +110,8 @@ def streaming(repeats: int) -> None:
             times += pushed[1:]
         print(
             f"push, 692 x 520 x uint16, {threads or 'all'} threads: median "
-            f"{1e3 * median(times):.2f} ms, 99 % {1e3 * np.quantile(times, 0.99):.2f} ms per frame "
-            "(8.33 ms at 120 frames per second)"
+            f"{1e3 * median(times):.2f} ms, 99 % {1e3 * np.quantile(times, 0.99):.2f} ms, longest "
+            f"{1e3 * max(times):.2f} ms per frame (8.33 ms at 120 frames per second)"
         )
 
 
@@ -110,10 +145,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--events", type=float, default=20e6)
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--clip", type=Path, help="frames, n x height x width, uint16")
     options = parser.parse_args()
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
     with tempfile.TemporaryDirectory() as folder:
-        generation(Path(folder), options.repeats)
+        frames = np.load(options.clip) if options.clip else moving_frames(300, 346, 260, 1023)
+        generation(Path(folder), np.rint(frames).astype(np.uint16), options.repeats)
         streaming(options.repeats)
         reading(Path(folder), int(options.events), options.repeats)
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GB")

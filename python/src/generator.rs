@@ -2,6 +2,7 @@
 
 use crate::arrays::{EventColumns, FrameArray, FrameStack, columns};
 use crate::errors::Failure;
+use crate::pool;
 use crate::task::run_borrowing;
 use evrig::event::Events;
 use evrig::frame::Luminance;
@@ -137,14 +138,14 @@ impl FrameGenerator {
         let array = FrameArray::take(frame, 2)?;
         let stack = array.stack()?;
         let (_, size) = stack.shape()?;
-        let events = py.detach(|| -> Result<Events, Failure> {
+        let events = py.detach(|| {
             let mut run = self.run.lock().unwrap_or_else(PoisonError::into_inner);
             let (run, n_before) = &mut *run;
             // A frame makes about as many events as the one before.
             let mut out = Events::with_capacity(*n_before + *n_before / 4);
-            run.push(stack, 0, t_us, size, &mut out)?;
+            pool::run(|| run.push(stack, 0, t_us, size, &mut out))?;
             *n_before = out.len();
-            Ok(out)
+            Ok::<_, Failure>(out)
         });
         Ok(columns(py, events?))
     }

@@ -9,6 +9,7 @@ mod effects;
 mod errors;
 mod frame_reader;
 mod generator;
+mod pool;
 mod session;
 mod stages;
 mod streams;

@@ -2,11 +2,11 @@
 
 use crate::arrays::{BorrowedColumns, EventColumns, columns, slice};
 use crate::errors::Failure;
+use crate::pool;
 use crate::task::{run_borrowing, run_owning};
 use evrig::camera_report::{FrameReference, FrameStarts, camera_report as report_on};
 use evrig::commands::error_text;
 use evrig::compare::{self, Setup};
-use evrig::event::Events;
 use evrig::geometry::Size;
 use evrig::report::{camera_report as words, session::measures, terminal};
 use evrig::session::import::{EventTableOptions, read_recording};
@@ -217,10 +217,12 @@ pub(crate) fn sorted_events<'py>(
     events: BorrowedColumns<'py>,
 ) -> PyResult<EventColumns<'py>> {
     let events = slice("events", &events)?;
-    let sorted = py.detach(|| -> Events {
-        let mut own = events.to_events();
-        own.sort_by_time();
-        own
+    let sorted = py.detach(|| {
+        pool::run(|| {
+            let mut own = events.to_events();
+            own.sort_by_time();
+            Ok(own)
+        })
     });
-    Ok(columns(py, sorted))
+    Ok(columns(py, sorted?))
 }

@@ -2,6 +2,7 @@
 //! interrupt stops the work, and progress is passed on.
 
 use crate::errors::Failure;
+use crate::pool;
 use pyo3::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,8 +48,11 @@ impl<T> TaskLink<T> {
         let _ = self.sender.send(TaskMessage::Progress { step: step.to_owned(), done, total });
     }
 
-    fn run(&self, work: impl FnOnce(&Self) -> Result<T, Failure>) {
-        let ended = catch_unwind(AssertUnwindSafe(|| work(self)));
+    fn run(&self, work: impl FnOnce(&Self) -> Result<T, Failure> + Send)
+    where
+        T: Send,
+    {
+        let ended = catch_unwind(AssertUnwindSafe(|| pool::run(|| work(self))));
         let ended = ended.unwrap_or_else(|payload| {
             let what = if payload.is::<Cancelled>() { "cancelled" } else { "it panicked" };
             Err(Failure::Internal(format!("the work did not end: {what}; please report this")))

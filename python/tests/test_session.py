@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -275,3 +276,15 @@ def test_the_guard_of_the_arm_is_a_process_of_the_package(tmp_path):
             assert names[-2:].count("QUEUE_FORCE_STOP") + names[-2:].count("QUEUE_CLEAR") == 2
         finally:
             emulator.send_signal(signal.SIGINT)
+
+
+def number_of_events(path: str) -> int:
+    return len(evrig.open(path).events())
+
+
+def test_a_forked_process_has_threads_of_its_own(street):
+    """Workers of a DataLoader are forks of a process that used its threads before."""
+    here = len(street.events())
+    with multiprocessing.get_context("fork").Pool(1) as workers:
+        there = workers.apply_async(number_of_events, (str(street.path),)).get(timeout=60)
+    assert there == here
