@@ -10,6 +10,7 @@ use crate::pipeline::PipelineError;
 use evrig_analysis::compare::{IdealValue, MeasureId};
 use evrig_core::stats::Estimate;
 use evrig_report::{latex, number};
+use evrig_session::SessionError;
 use std::path::PathBuf;
 
 /// What the table holds.
@@ -67,6 +68,9 @@ pub fn write_paper_table(
         PathBuf::from(name)
     });
     let [tex, csv] = &paths;
+    if let Some(folder) = tex.parent() {
+        std::fs::create_dir_all(folder).map_err(SessionError::io(folder))?;
+    }
     evrig_session::write_whole(tex, latex_table(aggregate, &columns, &groups).as_bytes())?;
     write_csv(csv, csv_rows(&columns, &groups).into_iter())?;
     Ok(paths)

@@ -34,14 +34,16 @@ fn a_dataset_becomes_a_table_for_a_paper() {
     let root = dataset(directory.path(), 3);
     let list = directory.path().join("list.toml");
     std::fs::write(&list, LIST).unwrap();
-    let out = directory.path().join("table.v1");
+    // A folder that is not there yet.
+    let tables = directory.path().join("tables");
+    let out = tables.join("table.v1");
     let keys = "count_ratio,interval_ks,event_image_psnr";
     let arguments = ["--variants", text(&list), "--table", text(&out), "--each-session"];
     let (code, value, stderr) =
         json(evrig().arg("compare").arg(&root).args(arguments).args(["--measures", keys]));
     assert_eq!(code, 0, "{stderr}");
 
-    let tex = directory.path().join("table.v1.tex");
+    let tex = tables.join("table.v1.tex");
     let latex = std::fs::read_to_string(&tex).unwrap();
     // Three sessions and their means, two variants each, and the heading.
     let rows: Vec<&str> = latex.lines().filter(|line| line.ends_with(r"\\")).collect();
@@ -55,7 +57,7 @@ fn a_dataset_becomes_a_table_for_a_paper() {
     assert!((4 * 3..4 * 6).contains(&latex.matches(r"\mathbf").count()), "{latex}");
     compile(&tex);
 
-    let mut reader = csv::Reader::from_path(directory.path().join("table.v1.csv")).unwrap();
+    let mut reader = csv::Reader::from_path(tables.join("table.v1.csv")).unwrap();
     let head: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
     assert_eq!(head[..4], ["session", "variant", "count_ratio", "count_ratio_error"]);
     let records: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
