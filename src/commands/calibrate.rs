@@ -114,8 +114,14 @@ fn table(calibration: &Calibration) -> String {
             calibration.objective,
             number(candidate.train),
             number(candidate.held_out),
-            candidate.k
+            <[f64; 6]>::from(candidate.k).map(six_digits).join(",")
         );
     }
     text
+}
+
+/// A constant as `--k` takes it, without digits beyond any error.
+fn six_digits(k: f64) -> String {
+    let rounded: f64 = format!("{k:.5e}").parse().unwrap_or(k);
+    format!("{rounded:?}")
 }

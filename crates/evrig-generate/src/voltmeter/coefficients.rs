@@ -48,12 +48,11 @@ impl Coefficients {
         Ok(Self(k))
     }
 
-    /// DAVIS346 from its own 8-bit frames (Lin et al., ECCV 2022). Like DVS240, k1 is published
-    /// as a product.
-    pub const DVS346: Self = Self([0.000_18 * 29_250.0, 20.0, 0.000_1, 1e-7, 5e-9, 0.000_01]);
+    /// DAVIS346 from its own 8-bit frames (Lin et al., ECCV 2022), where k1 is 0.00018 * 29250.
+    pub const DVS346: Self = Self([5.265, 20.0, 0.000_1, 1e-7, 5e-9, 0.000_01]);
 
-    /// DAVIS240 from its own 8-bit frames (Lin et al., ECCV 2022).
-    pub const DVS240: Self = Self([0.000_094 * 47_065.0, 23.0, 0.000_2, 1e-7, 5e-8, 0.000_01]);
+    /// DAVIS240 from its own 8-bit frames (Lin et al., ECCV 2022), where k1 is 0.000094 * 47065.
+    pub const DVS240: Self = Self([4.424_11, 23.0, 0.000_2, 1e-7, 5e-8, 0.000_01]);
 
     /// DAVIS346 from 10-bit raw frames of Pi Camera Module 3 (Raw2Event).
     pub const RAW2DVS346: Self = Self([2.388, 4.166e-7, 1.541e-6, 9.768e-8, 1.466e-11, 9.824e-6]);
