@@ -5,11 +5,13 @@
 //! structured arrays, and frames are read one at a time from arrays larger than memory.
 
 mod header;
+mod npz;
 mod read;
 mod write;
 
 pub use crate::column::Column;
-pub use read::{Array, ArrayReader, Npz};
+pub use npz::Npz;
+pub use read::{Array, ArrayReader};
 pub use write::{ArrayWriter, Element, NpzWriter};
 
 use std::path::PathBuf;

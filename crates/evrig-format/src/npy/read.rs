@@ -73,7 +73,7 @@ impl ArrayReader<BufReader<File>> {
 }
 
 impl<R: Read> ArrayReader<R> {
-    fn new(path: PathBuf, mut reader: R) -> Result<Self, NpyError> {
+    pub(super) fn new(path: PathBuf, mut reader: R) -> Result<Self, NpyError> {
         let header = read_header(&mut reader).map_err(|e| NpyError::io(&path, e))?;
         if header.order() == Order::Fortran && header.shape().len() > 1 {
             return Err(NpyError::format(
@@ -180,6 +180,17 @@ impl<R: Read> ArrayReader<R> {
         Ok(StoredTable { damage: (n_missing > 0).then(cut), ..table })
     }
 
+    /// Reads a plain array, where `is_cut` up to the end of the data: its elements, and how many the
+    /// header announces.
+    pub(super) fn read_column(mut self, is_cut: bool) -> Result<(Column, u64), NpyError> {
+        let n = self.n_elements();
+        let (mut columns, n_missing) = self.read_records(n)?;
+        match columns.pop() {
+            Some(column) if n_missing == 0 || is_cut => Ok((column, n)),
+            _ => Err(NpyError::io(&self.path, std::io::ErrorKind::UnexpectedEof.into())),
+        }
+    }
+
     /// The next `n` records, a column a field, up to the end of the data; and how many are missing.
     fn read_records(&mut self, n: u64) -> Result<(Vec<Column>, u64), NpyError> {
         let ArrayElement { fields, n_bytes } = &self.element;
@@ -202,53 +213,6 @@ impl<R: Read> ArrayReader<R> {
             }
         }
         Ok((columns, n_missing))
-    }
-}
-
-/// An open npz archive.
-pub struct Npz {
-    path: PathBuf,
-    archive: zip::ZipArchive<BufReader<File>>,
-}
-
-impl Npz {
-    /// Opens an npz archive.
-    ///
-    /// # Errors
-    /// When the file cannot be read or is not a zip archive.
-    pub fn open(path: &Path) -> Result<Self, NpyError> {
-        let file = File::open(path).map_err(|source| NpyError::io(path, source))?;
-        let archive = zip::ZipArchive::new(BufReader::new(file))
-            .map_err(|e| NpyError::format(path, format!("not an npz archive: {e}")))?;
-        Ok(Self { path: path.to_owned(), archive })
-    }
-
-    /// Names of the arrays, without the ending `.npy`.
-    #[must_use]
-    pub fn names(&self) -> Vec<String> {
-        let names = self.archive.file_names();
-        let without_ending = |name: &str| name.strip_suffix(".npy").unwrap_or(name).to_owned();
-        names.flatten().map(|name| without_ending(&name)).collect()
-    }
-
-    /// Opens one array.
-    ///
-    /// # Errors
-    /// When there is no such array, or it is not an array of numbers.
-    pub fn open_array(&mut self, name: &str) -> Result<ArrayReader<impl Read + '_>, NpyError> {
-        let inside = PathBuf::from(format!("{}[{name}]", self.path.display()));
-        match self.archive.by_name(&format!("{name}.npy")) {
-            Ok(entry) => ArrayReader::new(inside, BufReader::new(entry)),
-            Err(error) => Err(NpyError::format(&inside, error.to_string())),
-        }
-    }
-
-    /// Reads one array whole.
-    ///
-    /// # Errors
-    /// When there is no such array, or it is not an array of numbers.
-    pub fn array(&mut self, name: &str) -> Result<Array, NpyError> {
-        self.open_array(name)?.read_all()
     }
 }
 

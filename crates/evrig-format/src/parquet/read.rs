@@ -10,6 +10,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 /// Rows read at once.
@@ -26,7 +27,17 @@ pub fn read_table(path: &Path) -> Result<StoredTable, TableError> {
 }
 
 fn read(file: File) -> Result<StoredTable, ParquetError> {
-    let reader = SerializedFileReader::new(file)?;
+    let begins_as_parquet = {
+        let mut magic = [0; 4];
+        (&file).read_exact(&mut magic).is_ok() && magic == *b"PAR1"
+    };
+    let reader = SerializedFileReader::new(file).map_err(|error| match begins_as_parquet {
+        true => ParquetError::General(format!(
+            "the file is cut or damaged, and Parquet's index is at its end; copy or write it again \
+             ({error})"
+        )),
+        false => error,
+    })?;
     let metadata = reader.metadata();
     let schema = metadata.file_metadata().schema_descr_ptr();
     let mut notes = Vec::new();
@@ -121,5 +132,24 @@ fn each_batch<T: DataType>(
             return Ok(());
         }
         take(&values);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use evrig_core::event::{Event, Events};
+
+    #[test]
+    fn of_a_cut_file_it_is_said_why_nothing_can_be_read() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.parquet");
+        let events: Events = (0..100).map(|t| Event { t, x: 1, y: 2, on: true }).collect();
+        crate::parquet::write_events(&path, events.as_slice(), &[]).unwrap();
+        assert_eq!(read_table(&path).unwrap().n_rows(), 100);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        let error = read_table(&path).unwrap_err().to_string();
+        assert!(error.contains("the file is cut or damaged") && error.contains("again"), "{error}");
     }
 }

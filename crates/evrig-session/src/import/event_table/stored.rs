@@ -45,22 +45,17 @@ fn of_npz(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError>
         return Ok(npz.open_array(name)?.read_table()?);
     }
     // Arrays of one column each.
-    let columns: Vec<&String> = names.iter().filter(|name| is_column(name)).collect();
+    let columns: Vec<String> = names.iter().filter(|name| is_column(name)).cloned().collect();
     if columns.len() >= 4 {
-        let mut fields = Vec::new();
-        for name in columns {
-            let column = npz.array(name)?.fields.pop();
-            let column = column.ok_or_else(|| wrong(format!("array `{name}` is empty")))?.1;
-            fields.push((name.clone(), column));
-        }
-        return Ok(StoredTable::of_columns(fields));
+        return Ok(npz.columns(&columns)?);
     }
     let known = ["events", "event_data", "arr_0"];
     let found = known.into_iter().find(|name| names.iter().any(|n| n == name));
     let only = names.first().filter(|_| names.len() == 1).map(String::as_str);
     let Some(name) = found.or(only) else {
+        let cut = if npz.is_cut() { "is cut and " } else { "" };
         return Err(wrong(format!(
-            "holds {names:?}; expected arrays t, x, y, p, or one array `events` of shape (N, 4); \
+            "{cut}holds {names:?}; expected arrays t, x, y, p, or one array `events` of shape (N, 4); \
              another one is chosen with --table"
         )));
     };
