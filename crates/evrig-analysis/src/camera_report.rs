@@ -8,7 +8,6 @@ mod burst_profile;
 mod burst_shape;
 mod burst_wake;
 mod chance;
-
 mod frame_coupling;
 mod frame_fold;
 mod frame_period;
