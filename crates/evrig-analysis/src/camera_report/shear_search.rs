@@ -173,7 +173,7 @@ fn best_window(
         sums.push(sum);
     }
     for width in WIDTHS {
-        let windows = WindowSums::new(sums, n, width);
+        let windows = SidedWindows::new(sums, n, width);
         for from in (0..n).step_by(BLOCK_BINS) {
             let bins = from..(from + BLOCK_BINS).min(n);
             let least = best.map_or(0.0, |best| best.z);
@@ -196,14 +196,14 @@ fn best_window(
 }
 
 /// Sums at both ends of all windows of a width and of their surroundings, by the window's bin.
-struct WindowSums<'a> {
+struct SidedWindows<'a> {
     inside: [&'a [f64]; 2],
     before: [&'a [f64]; 2],
     after: [&'a [f64]; 2],
     ratio: f64,
 }
 
-impl<'a> WindowSums<'a> {
+impl<'a> SidedWindows<'a> {
     /// `sums` begins [`REACH`] bins before the first of `n` windows.
     fn new(sums: &'a [f64], n: usize, width: usize) -> Self {
         let at = |offset: usize| &sums[offset..offset + n];
