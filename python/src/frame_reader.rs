@@ -1,9 +1,10 @@
 //! Frames of a session as arrays, one after another.
 
 use crate::errors::Failure;
+use crate::pool;
 use evrig::frame::{BayerOrder, Samples};
 use evrig::session::{DavisFrames, PiCameraFrames, RecordedFrame, Session};
-use evrig::time::Clock;
+use evrig::time::{Clock, Davis, PiSensor};
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError};
@@ -11,6 +12,12 @@ use std::sync::{Mutex, PoisonError};
 enum OpenedFrames {
     Davis(DavisFrames),
     Pi(PiCameraFrames),
+}
+
+/// A frame with the times of its camera's clock.
+enum CameraFrame {
+    Davis(RecordedFrame<Davis>),
+    Pi(RecordedFrame<PiSensor>),
 }
 
 /// An iterator over a stream's frames.
@@ -41,6 +48,14 @@ impl FrameReader {
         };
         Ok(Self { source: Mutex::new(source) })
     }
+
+    fn next(&self) -> Result<Option<CameraFrame>, Failure> {
+        let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(match &mut *source {
+            OpenedFrames::Davis(frames) => frames.next().transpose()?.map(CameraFrame::Davis),
+            OpenedFrames::Pi(frames) => frames.next().transpose()?.map(CameraFrame::Pi),
+        })
+    }
 }
 
 #[pymethods]
@@ -52,20 +67,16 @@ impl FrameReader {
     /// Samples; mid-exposure of row 0 (µs), stamp (ns), exposure (ns), row time (ns); bits, mosaic,
     /// black levels, gain.
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<FrameTuple<'py>>> {
-        let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
-        match &mut *source {
-            OpenedFrames::Davis(frames) => frames.next().map(|frame| parts(py, frame)),
-            OpenedFrames::Pi(frames) => frames.next().map(|frame| parts(py, frame)),
-        }
-        .transpose()
+        Ok(match py.detach(|| pool::run(|| self.next()))? {
+            None => None,
+            Some(CameraFrame::Davis(frame)) => Some(parts(py, frame)?),
+            Some(CameraFrame::Pi(frame)) => Some(parts(py, frame)?),
+        })
     }
 }
 
-fn parts<C: Clock>(
-    py: Python<'_>,
-    frame: Result<RecordedFrame<C>, evrig::session::SessionError>,
-) -> PyResult<FrameTuple<'_>> {
-    let RecordedFrame { frame, properties, .. } = frame.map_err(Failure::from)?;
+fn parts<C: Clock>(py: Python<'_>, frame: RecordedFrame<C>) -> PyResult<FrameTuple<'_>> {
+    let RecordedFrame { frame, properties, .. } = frame;
     let (height, width) = (usize::from(frame.size.height), usize::from(frame.size.width));
     let shape = match frame.channels.count() {
         1 => vec![height, width],

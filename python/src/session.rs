@@ -3,6 +3,7 @@
 use crate::arrays::{EventColumns, columns};
 use crate::errors::Failure;
 use crate::frame_reader::FrameReader;
+use crate::pool;
 use crate::streams::{
     ComparisonResult, TableArguments, comparison_result, json, parsed, reference_name, size_of,
 };
@@ -76,7 +77,7 @@ impl SessionHandle {
 
     /// A stream's frames, one after another.
     fn frames(&self, name: &str) -> PyResult<FrameReader> {
-        Ok(FrameReader::open(&self.session, name)?)
+        Ok(pool::run(|| FrameReader::open(&self.session, name))?)
     }
 
     /// The clock of a stream's frames.

@@ -278,13 +278,15 @@ def test_the_guard_of_the_arm_is_a_process_of_the_package(tmp_path):
             emulator.send_signal(signal.SIGINT)
 
 
-def number_of_events(path: str) -> int:
-    return len(evrig.open(path).events())
+def numbers_of_samples(path: str) -> tuple[int, int]:
+    session = evrig.open(path)
+    return len(session.events()), len(session.frames("aps"))
 
 
 def test_a_forked_process_has_threads_of_its_own(street):
     """Workers of a DataLoader are forks of a process that used its threads before."""
-    here = len(street.events())
+    path = str(street.path)
+    here = numbers_of_samples(path)
     with multiprocessing.get_context("fork").Pool(1) as workers:
-        there = workers.apply_async(number_of_events, (str(street.path),)).get(timeout=60)
+        there = workers.apply_async(numbers_of_samples, (path,)).get(timeout=60)
     assert there == here
