@@ -165,8 +165,11 @@ enum GeneratorSource {
     Peer(SimulatorConfig),
 }
 
+fn voltmeter() -> GeneratorChoice<'static> {
+    GeneratorChoice { preset: Some("Raw2DVS346"), ..GeneratorChoice::default() }
+}
+
 fn cases() -> Vec<BenchCase> {
-    let voltmeter = GeneratorChoice { preset: Some("Raw2DVS346"), ..GeneratorChoice::default() };
     let of = |preset| GeneratorChoice {
         preset: Some(preset),
         full_scale_dn: Some(1023.0),
@@ -182,8 +185,8 @@ fn cases() -> Vec<BenchCase> {
         ..clean
     };
     vec![
-        own("voltmeter", voltmeter),
-        own("voltmeter-reference", GeneratorChoice { law: Some("reference"), ..voltmeter }),
+        own("voltmeter", voltmeter()),
+        own("voltmeter-reference", GeneratorChoice { law: Some("reference"), ..voltmeter() }),
         own("esim", of("ESIM")),
         own("v2e-clean", of("v2e-clean")),
         BenchCase { name: "eventcv-core, clean", made: GeneratorSource::Peer(clean) },
@@ -261,13 +264,12 @@ fn time_clip(path: &str, size: Size) {
             values: frame.as_chunks().0.iter().map(|dn| u16::from_le_bytes(*dn).into()).collect(),
         })
         .collect();
-    let run = |is_kept: bool| {
-        let GeneratorSource::Own(choice) = &cases()[0].made else { return (0, 0.0) };
-        let parameters = GenerateParameters::from_choice(choice).unwrap();
+    let time = |keeps_events: bool| {
+        let parameters = GenerateParameters::from_choice(&voltmeter()).unwrap();
         let mut generator = build(&parameters, NonZeroUsize::new(1)).unwrap();
         let (mut out, mut n_events, start) = (Events::new(), 0, Instant::now());
         for frame in &frames {
-            if !is_kept {
+            if !keeps_events {
                 out.clear();
             }
             let before = out.len();
@@ -277,15 +279,15 @@ fn time_clip(path: &str, size: Size) {
         black_box(&out);
         (n_events, start.elapsed().as_secs_f64())
     };
-    let ((n_events, reused), (_, kept)) = (run(false), run(true));
+    let ((n_events, reused), (_, kept)) = (time(false), time(true));
     println!("{{\"n_events\": {n_events}, \"reused_s\": {reused}, \"kept_s\": {kept}}}");
 }
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     if let Some(at) = arguments.iter().position(|argument| argument == "--clip") {
-        let [path, width, height] = &arguments[at + 1..at + 4] else { return };
-        return time_clip(path, Size::new(width.parse().unwrap(), height.parse().unwrap()));
+        let number = |i: usize| arguments[at + i].parse().unwrap();
+        return time_clip(&arguments[at + 1], Size::new(number(2), number(3)));
     }
     table();
     if arguments.iter().any(|argument| argument == "--table") {

@@ -142,11 +142,11 @@ fn refine(events: EventSlice<'_>, size: Size, period_us: f64) -> f64 {
     let mut period_us = period_us;
     loop {
         let n = events.t.partition_point(|t| ((t - start_us) as f64) < length_us);
-        let part = events.range(0, n);
+        let part = thinned(events.range(0, n));
         // One step moves the last event of the stretch by half a phase bin.
         let step_us = 0.5 * period_us * period_us / (N_PHASE_BINS as f64 * length_us);
         let trials = (-N_STEPS..=N_STEPS).map(|i| period_us + f64::from(i) * step_us);
-        let scored = trials.map(|trial| (departure(part, size, trial), trial));
+        let scored = trials.map(|trial| (departure(part.as_slice(), size, trial), trial));
         period_us = scored.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(period_us, |best| best.1);
         if length_us >= duration_us {
             return period_us;
@@ -155,7 +155,7 @@ fn refine(events: EventSlice<'_>, size: Size, period_us: f64) -> f64 {
     }
 }
 
-/// Every n-th event, for work that is done once per cycle.
+/// Every n-th event, so that at most [`MAX_EVENTS`] are left.
 pub(super) fn thinned(events: EventSlice<'_>) -> Events {
     let every = events.len().div_ceil(MAX_EVENTS).max(1);
     events.iter().step_by(every).collect()
@@ -163,9 +163,8 @@ pub(super) fn thinned(events: EventSlice<'_>) -> Events {
 
 /// Squares of the counts by phase and band, over their means.
 fn departure(events: EventSlice<'_>, size: Size, period_us: f64) -> f64 {
-    let every = events.len().div_ceil(MAX_EVENTS).max(1);
     let mut counts = vec![[0.0_f64; N_PHASE_BINS]; N_BANDS];
-    for i in (0..events.len()).step_by(every) {
+    for i in 0..events.len() {
         let phase = ((events.t[i] - events.t[0]) as f64 / period_us).fract();
         let band = usize::from(events.y[i]) * N_BANDS / usize::from(size.height);
         counts[band][(phase * N_PHASE_BINS as f64) as usize % N_PHASE_BINS] += 1.0;
