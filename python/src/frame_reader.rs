@@ -15,7 +15,7 @@ enum OpenedFrames {
 }
 
 /// A frame with the times of its camera's clock.
-enum CameraFrame {
+enum ClockedFrame {
     Davis(RecordedFrame<Davis>),
     Pi(RecordedFrame<PiSensor>),
 }
@@ -49,11 +49,11 @@ impl FrameReader {
         Ok(Self { source: Mutex::new(source) })
     }
 
-    fn next(&self) -> Result<Option<CameraFrame>, Failure> {
+    fn next(&self) -> Result<Option<ClockedFrame>, Failure> {
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(match &mut *source {
-            OpenedFrames::Davis(frames) => frames.next().transpose()?.map(CameraFrame::Davis),
-            OpenedFrames::Pi(frames) => frames.next().transpose()?.map(CameraFrame::Pi),
+            OpenedFrames::Davis(frames) => frames.next().transpose()?.map(ClockedFrame::Davis),
+            OpenedFrames::Pi(frames) => frames.next().transpose()?.map(ClockedFrame::Pi),
         })
     }
 }
@@ -69,8 +69,8 @@ impl FrameReader {
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<FrameTuple<'py>>> {
         Ok(match py.detach(|| pool::run(|| self.next()))? {
             None => None,
-            Some(CameraFrame::Davis(frame)) => Some(parts(py, frame)?),
-            Some(CameraFrame::Pi(frame)) => Some(parts(py, frame)?),
+            Some(ClockedFrame::Davis(frame)) => Some(parts(py, frame)?),
+            Some(ClockedFrame::Pi(frame)) => Some(parts(py, frame)?),
         })
     }
 }
