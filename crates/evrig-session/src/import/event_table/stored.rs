@@ -51,9 +51,11 @@ fn of_npz(path: &Path, table: Option<&str>) -> Result<StoredTable, SessionError>
     }
     let known = ["events", "event_data", "arr_0"];
     let found = known.into_iter().find(|name| names.iter().any(|n| n == name));
-    let only = names.first().filter(|_| names.len() == 1).map(String::as_str);
+    // The column before an archive's cut is no table.
+    let is_table = |name: &&String| names.len() == 1 && !(npz.is_cut() && is_column(name));
+    let only = names.first().filter(is_table).map(String::as_str);
     let Some(name) = found.or(only) else {
-        let cut = if npz.is_cut() { "is cut and " } else { "" };
+        let cut = if npz.is_cut() { "is cut, copy or write it again; it " } else { "" };
         return Err(wrong(format!(
             "{cut}holds {names:?}; expected arrays t, x, y, p, or one array `events` of shape (N, 4); \
              another one is chosen with --table"

@@ -1,7 +1,7 @@
 //! Tables whose meaning is planted come back as it is, or are refused.
 
 use super::*;
-use evrig_format::npy::ArrayWriter;
+use evrig_format::npy::{ArrayWriter, NpzWriter};
 
 const N: usize = 200;
 
@@ -171,6 +171,19 @@ fn a_cut_table_gives_its_whole_rows_and_a_loss() {
         assert_eq!(found.events.as_slice().t.last(), Some(&99_000), "{}", path.display());
         assert!(found.losses[0].what.contains("the file is cut"), "{:?}", found.losses);
     }
+}
+
+#[test]
+fn columns_before_the_cut_of_an_archive_are_no_table() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.npz");
+    let mut npz = NpzWriter::create(&path).unwrap();
+    npz.add("t", &[N as u64], 0..N as i64).unwrap();
+    npz.finish().unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let error = super::read(&path, "real", &EventTableOptions::default(), FRAMES).unwrap_err();
+    assert!(error.to_string().contains("is cut, copy or write it again"), "{error}");
 }
 
 #[test]
