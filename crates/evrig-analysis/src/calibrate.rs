@@ -36,7 +36,7 @@ pub use estimate::Constant;
 pub use passage_fit::PassageFit;
 pub use regression::{Histogram, RegressionLine, Regressions};
 pub use score::ScoreObjective;
-pub use search::{Objective, SearchResult, search};
+pub use search::{HeldObjective, Objective, SearchResult, search};
 
 use evrig_core::event::EventSlice;
 use evrig_core::geometry::Size;

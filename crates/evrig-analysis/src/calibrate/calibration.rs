@@ -2,7 +2,7 @@
 
 use super::passage_fit::PassageFit;
 use super::regression::Regressions;
-use super::search::{NO_VALUE, Objective, search};
+use super::search::{HeldObjective, NO_VALUE, Objective, search};
 use super::{BrightnessSeries, CalibrateError, TileSubset, fit, regress};
 use evrig_core::event::EventSlice;
 use evrig_generate::input::FramePreparation;
@@ -81,10 +81,10 @@ impl CandidateConstants {
     }
 }
 
-/// An objective of the nuisances alone.
+/// An objective of the nuisances alone, on the training tiles, on which a search evaluates.
 struct Fixed<'a> {
     objective: &'a dyn Objective,
-    k: [f64; 6],
+    train: HeldObjective<'a>,
 }
 
 impl Objective for Fixed<'_> {
@@ -100,8 +100,8 @@ impl Objective for Fixed<'_> {
         self.objective.nuisances()
     }
 
-    fn value(&self, _: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64 {
-        self.objective.value(self.k, nuisances, part)
+    fn value(&self, _: [f64; 6], nuisances: &[f64], _: TileSubset) -> f64 {
+        (self.train)(nuisances)
     }
 }
 
@@ -146,7 +146,8 @@ pub fn calibrate(
     let judge = |(name, k): (&str, Coefficients)| {
         // Each candidate gets its own nuisance parameters, fitted to a part of the data.
         let n_fit = 25 * objective.nuisances().len();
-        let fixed = Fixed { objective: objective.thinned().unwrap_or(objective), k: k.k() };
+        let part = objective.thinned().unwrap_or(objective);
+        let fixed = Fixed { objective: part, train: part.at(k.k(), TileSubset::Train) };
         let found = search(&fixed, k.k(), n_fit, settings.seed);
         n_evaluations += found.n_evaluations + 2;
         let [train, held_out] = [TileSubset::Train, TileSubset::HeldOut]

@@ -10,7 +10,7 @@
 
 use super::BrightnessSeries;
 use super::brightness::TileSubset;
-use super::search::Objective;
+use super::search::{HeldObjective, Objective};
 use crate::predict::{
     ComparatorLaw, EventsByPixel, HazardTerm, SampledSignal, TermVisitor, TimeBlocks, visit,
 };
@@ -53,19 +53,17 @@ impl<'a> ScoreObjective<'a> {
     }
 
     /// Log-likelihood and events of one pixel.
-    fn pixel(&self, slot: u32, k: &[f64; 6], law: &ComparatorLaw) -> (f64, u32) {
+    fn pixel(&self, slot: u32, at: &Signal, law: &ComparatorLaw) -> (f64, u32) {
         let pixel = self.brightness.pixels()[slot as usize];
         let width = u32::from(self.brightness.size().width);
         let (x, y) = ((pixel % width) as u16, (pixel / width) as u16);
-        let Signal { signal, level, step_us } = self.signal(slot, k);
         let blocks = TimeBlocks::new(self.recording.length_us(), 1);
-        let darkness: Vec<f64> = level.iter().map(|l| law.darkness(f64::from(*l))).collect();
         let signal = SampledSignal {
             start_us: 0.0,
-            step_us,
-            signal: &signal,
-            level: &level,
-            darkness: &darkness,
+            step_us: at.step_us,
+            signal: &at.signal,
+            level: &at.level,
+            darkness: &at.darkness,
             bursts: &[],
         };
         let mut sum = LogLikelihood::default();
@@ -98,13 +96,17 @@ impl<'a> ScoreObjective<'a> {
             signal.push(reached + rate * (t_us - at(frame)));
             level.push((mean / self.white_dn).ln() as f32);
         }
-        Signal { signal, level, step_us }
+        let law = ComparatorLaw::default();
+        let darkness = level.iter().map(|l| law.darkness(f64::from(*l))).collect();
+        Signal { signal, level, darkness, step_us }
     }
 }
 
 struct Signal {
     signal: Vec<f64>,
     level: Vec<f32>,
+    /// Of the default noise exponent, which no nuisance parameter changes.
+    darkness: Vec<f64>,
     step_us: f64,
 }
 
@@ -146,24 +148,37 @@ impl Objective for ScoreObjective<'_> {
     }
 
     fn value(&self, k: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64 {
-        let value = |i: usize| nuisances.get(i).map_or(f64::NAN, |n| n.exp());
-        let theta = 1.0 / k[0];
-        let law = ComparatorLaw {
-            theta: [theta; 2],
-            noise: theta * value(0),
-            noise_rate_hz: value(1),
-            background_hz: [value(2), value(3)],
-            ..ComparatorLaw::default()
-        };
-        if !(theta > 0.0 && theta.is_finite() && law.noise > 0.0) {
-            return f64::INFINITY;
-        }
-        let slots = &self.slots[usize::from(part == TileSubset::HeldOut)];
-        // Collected first, so that the order of summation is fixed.
-        let scores: Vec<(f64, u32)> =
-            slots.par_iter().map(|&slot| self.pixel(slot, &k, &law)).collect();
-        let (log_likelihood, n_events) =
-            scores.iter().fold((0.0, 0.0), |(a, n), (l, m)| (a + l, n + f64::from(*m)));
-        if n_events > 0.0 { -log_likelihood / n_events } else { f64::INFINITY }
+        self.at(k, part)(nuisances)
     }
+
+    fn at(&self, k: [f64; 6], part: TileSubset) -> HeldObjective<'_> {
+        let slots = &self.slots[usize::from(part == TileSubset::HeldOut)];
+        let signals: Vec<Signal> = slots.par_iter().map(|&slot| self.signal(slot, &k)).collect();
+        Box::new(move |nuisances| {
+            let Some(law) = law(k, nuisances) else { return f64::INFINITY };
+            // Collected first, so that the order of summation is fixed.
+            let scores: Vec<(f64, u32)> = slots
+                .par_iter()
+                .zip(&signals)
+                .map(|(&slot, signal)| self.pixel(slot, signal, &law))
+                .collect();
+            let (log_likelihood, n_events) =
+                scores.iter().fold((0.0, 0.0), |(a, n), (l, m)| (a + l, n + f64::from(*m)));
+            if n_events > 0.0 { -log_likelihood / n_events } else { f64::INFINITY }
+        })
+    }
+}
+
+/// The law of constants and nuisance parameters; none where it has no meaning.
+fn law(k: [f64; 6], nuisances: &[f64]) -> Option<ComparatorLaw> {
+    let value = |i: usize| nuisances.get(i).map_or(f64::NAN, |n| n.exp());
+    let theta = 1.0 / k[0];
+    let law = ComparatorLaw {
+        theta: [theta; 2],
+        noise: theta * value(0),
+        noise_rate_hz: value(1),
+        background_hz: [value(2), value(3)],
+        ..ComparatorLaw::default()
+    };
+    (theta > 0.0 && theta.is_finite() && law.noise > 0.0).then_some(law)
 }

@@ -26,7 +26,16 @@ pub trait Objective: Sync {
     /// The value at `k` and `nuisances` on a subset of the tiles; less is better, infinite for
     /// none.
     fn value(&self, k: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64;
+
+    /// [`Self::value`] for many nuisance parameters at one `k`, whose share of the work is done
+    /// once.
+    fn at(&self, k: [f64; 6], part: TileSubset) -> HeldObjective<'_> {
+        Box::new(move |nuisances| self.value(k, nuisances, part))
+    }
 }
+
+/// An objective of the nuisance parameters alone.
+pub type HeldObjective<'a> = Box<dyn Fn(&[f64]) -> f64 + Sync + 'a>;
 
 /// Result of a search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
