@@ -18,12 +18,15 @@ pub const DRIVE_STEP_US: u32 = 1_000;
 /// Instants sampled at once.
 const INSTANTS_PER_BLOCK: usize = 32;
 
+/// Pixels of a tile: their values at one instant fill a cache line.
+const PIXELS_PER_TILE: usize = 16;
+
 /// A drive as frames at even instants.
 pub struct DriveFrames<'a> {
     drive: &'a dyn Drive,
     grid: TimeGrid,
     next: usize,
-    /// Intensity at the instants of the current block, pixel by pixel, DN.
+    /// Intensity at the instants of the current block, by tile, instant and pixel, DN.
     block: Vec<f32>,
     frame: Luminance,
 }
@@ -69,8 +72,10 @@ impl<'a> DriveFrames<'a> {
             self.sample();
         }
         let n = INSTANTS_PER_BLOCK.min(self.grid.n - (self.next - at));
-        let light = self.block.chunks_exact(n).map(|light| light[at]);
-        self.frame.values.iter_mut().zip(light).for_each(|(value, light)| *value = light);
+        let tiles = self.block.chunks_exact(n * PIXELS_PER_TILE);
+        for (values, tile) in self.frame.values.chunks_mut(PIXELS_PER_TILE).zip(tiles) {
+            values.copy_from_slice(&tile[at * PIXELS_PER_TILE..][..values.len()]);
+        }
         self.frame.t_us = self.grid.at(self.next);
         self.next += 1;
         Some(&self.frame)
@@ -81,10 +86,19 @@ impl<'a> DriveFrames<'a> {
         let grid = TimeGrid { start_us: self.grid.at(self.next), n, ..self.grid };
         let (drive, size) = (self.drive, self.frame.size);
         let white_dn = drive.white_dn() as f32;
-        self.block.resize(size.n_pixels() * n, f32::NAN);
-        self.block.par_chunks_exact_mut(n).enumerate().for_each(|(pixel, light)| {
-            drive.sample(pixel_centre(size, pixel), grid, light);
-            light.iter_mut().for_each(|value| *value = white_dn * value.exp());
+        let n_pixels = size.n_pixels();
+        let n_tiles = n_pixels.div_ceil(PIXELS_PER_TILE);
+        self.block.resize(n_tiles * PIXELS_PER_TILE * n, f32::NAN);
+        let tiles = self.block.par_chunks_exact_mut(PIXELS_PER_TILE * n).enumerate();
+        tiles.for_each(|(tile, block)| {
+            let mut light = [f32::NAN; INSTANTS_PER_BLOCK];
+            let first = tile * PIXELS_PER_TILE;
+            for pixel in first..n_pixels.min(first + PIXELS_PER_TILE) {
+                drive.sample(pixel_centre(size, pixel), grid, &mut light[..n]);
+                for (values, light) in block.chunks_exact_mut(PIXELS_PER_TILE).zip(light) {
+                    values[pixel - first] = white_dn * light.exp();
+                }
+            }
         });
     }
 }
