@@ -113,11 +113,12 @@ struct Term<const P: usize> {
 fn drift_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f64; 6]) -> Term<4> {
     let PredictedPassage { passage, tile, predicted } = used;
     let along = pixel(brightness, passage).along(passage.start_us, passage.end_us, k[1]);
-    let variance = predicted.variance(k) + rounding(brightness, passage, k) + MIN_VARIANCE;
+    let ends = drift_at_ends(brightness, passage, k);
+    let variance = predicted.variance(k) + rounding(ends) + MIN_VARIANCE;
     Term {
         tile: *tile,
         weights: predicted.drift_by(k).map(|by| by / variance),
-        residual: residual(brightness, passage, &along, k),
+        residual: residual(passage, &along, ends, k),
         by: along.drift_by(k),
     }
 }
@@ -125,9 +126,10 @@ fn drift_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f64; 
 fn diffusion_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f64; 6]) -> Term<2> {
     let PredictedPassage { passage, tile, predicted } = used;
     let along = pixel(brightness, passage).along(passage.start_us, passage.end_us, k[1]);
-    let rounding = rounding(brightness, passage, k);
+    let ends = drift_at_ends(brightness, passage, k);
+    let rounding = rounding(ends);
     let variance = predicted.variance(k) + rounding + MIN_VARIANCE;
-    let r = residual(brightness, passage, &along, k);
+    let r = residual(passage, &along, ends, k);
     Term {
         tile: *tile,
         weights: predicted.variance_by(k).map(|by| by / (variance * variance)),
@@ -140,23 +142,20 @@ fn side(passage: &Passage) -> f64 {
     if passage.on { 1.0 } else { -1.0 }
 }
 
+/// Drift at the start and the end of a passage, thresholds per µs.
+fn drift_at_ends(brightness: &BrightnessSeries, passage: &Passage, k: &[f64; 6]) -> [f64; 2] {
+    let pixel = pixel(brightness, passage);
+    [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k))
+}
+
 /// Barrier minus drift. Stamps are rounded up, so both ends lie half a microsecond earlier on
 /// average.
-fn residual(
-    brightness: &BrightnessSeries,
-    passage: &Passage,
-    along: &PathIntegrals,
-    k: &[f64; 6],
-) -> f64 {
-    let pixel = pixel(brightness, passage);
-    let [start, end] = [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k));
+fn residual(passage: &Passage, along: &PathIntegrals, [start, end]: [f64; 2], k: &[f64; 6]) -> f64 {
     side(passage) - along.drift(k) + 0.5 * (end - start)
 }
 
-/// Variance of r by rounding of the stamps.
-fn rounding(brightness: &BrightnessSeries, passage: &Passage, k: &[f64; 6]) -> f64 {
-    let pixel = pixel(brightness, passage);
-    let [start, end] = [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k));
+/// Variance of r by rounding of the stamps, from the drift at both ends.
+fn rounding([start, end]: [f64; 2]) -> f64 {
     (start * start + end * end) / 12.0
 }
 
@@ -278,7 +277,8 @@ fn result(
         .par_iter()
         .map(|used| {
             let term = drift_term(brightness, used, k);
-            let predicted = used.predicted.variance(k) + rounding(brightness, &used.passage, k);
+            let ends = drift_at_ends(brightness, &used.passage, k);
+            let predicted = used.predicted.variance(k) + rounding(ends);
             (term.residual, predicted)
         })
         .collect();
