@@ -3,6 +3,17 @@
 use super::band::{REACH, ReferenceHypothesis};
 use super::law::{LOGISTIC_SD, logistic, softplus};
 use super::pass::PixelPass;
+use statrs::consts::EULER_MASCHERONI;
+use statrs::function::gamma::digamma;
+
+/// Mean lead of a crossing before the noiseless one, in scales of the noise.
+///
+/// Noise that moves tries the threshold several times before the signal is there: with the
+/// compensator `n softplus(z)`, the lead `-z` has the mean `digamma(n) - digamma(1)`.
+fn mean_lead(attempts: f64) -> f64 {
+    // Finite where the hazards that it is weighted by vanish.
+    digamma(attempts.clamp(1.0, 1e15)) + EULER_MASCHERONI
+}
 
 /// Hazards integrated over a segment: crossings ON and OFF, and background.
 #[derive(Debug, Clone, Copy, Default)]
@@ -18,6 +29,8 @@ pub(super) struct InstantHazard {
     pub(super) change: f64,
     /// Share of the innovation that is stored in the reference level.
     pub(super) gain: f64,
+    /// What is stored of the mean lead of the noise, thresholds.
+    pub(super) lead: f64,
     /// Variance that the reference has after a reset.
     pub(super) variance: f64,
 }
@@ -113,6 +126,18 @@ impl PixelPass<'_> {
         if b - a > 1e-6 { (softplus(b) - softplus(a)) / (b - a) } else { logistic(a) }
     }
 
+    /// What the noise adds to the reference level at an event without a past, log intensity.
+    pub(super) fn first_shift(&self, on: bool) -> f64 {
+        let law = self.law;
+        let (side, sign) = if on { (0, 1.0) } else { (1, -1.0) };
+        let slope = self.signal.slope_per_s(self.position) + law.leak_per_s;
+        let noise = self.noise2(self.darkness(self.position), slope).sqrt();
+        let attempts = 1.0 + noise * law.noise_rate_hz / slope.abs().max(f64::MIN_POSITIVE);
+        let crossings = slope.abs() / law.theta[side];
+        let share = crossings / (crossings + law.background_hz[side]).max(f64::MIN_POSITIVE);
+        sign * share * law.stored_share * noise * mean_lead(attempts)
+    }
+
     /// The hazard of a polarity at the present position, given a state.
     pub(super) fn instant(&self, state: &ReferenceHypothesis, on: bool) -> InstantHazard {
         let law = self.law;
@@ -127,7 +152,8 @@ impl PixelPass<'_> {
         let change = sign * (self.leaky(self.position) - state.reference) / theta;
         let nu = s * law.noise_rate_hz;
         let speed = nu * softplus(sign * slope / theta / nu);
-        let crossing = speed / s * logistic((change - 1.0) / s);
+        let z = (change - 1.0) / s;
+        let crossing = speed / s * logistic(z);
         let since_s = (self.position - self.fired) * self.signal.step_us * 1e-6;
         let shot = if law.shot_rms > 0.0 {
             self.shot_rate((1.0 - change) * theta, state, darkness, since_s)
@@ -142,6 +168,8 @@ impl PixelPass<'_> {
         // After a refractory period the noise is another one.
         let same = (-law.refractory_s * law.noise_rate_hz).exp();
         let gain = stored / all * same;
-        InstantHazard { crossing, shot, change, gain, variance: stored * (1.0 - gain) }
+        let attempts = self.crossed[side] / softplus(z).max(f64::MIN_POSITIVE);
+        let lead = own.sqrt() / theta * mean_lead(attempts) * (stored / own * same - gain);
+        InstantHazard { crossing, shot, change, gain, lead, variance: stored * (1.0 - gain) }
     }
 }

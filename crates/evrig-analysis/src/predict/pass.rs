@@ -63,6 +63,8 @@ pub(crate) struct PixelPass<'a> {
     pub(super) states: [ReferenceHypothesis; N_STATES],
     /// Path of the signal since the reference level, thresholds.
     pub(super) path: f64,
+    /// Compensators of crossings since the event before: ON, OFF.
+    pub(super) crossed: [f64; 2],
     /// Largest squared factor of the noise by the path.
     pub(super) max_noise: f64,
     /// First burst that is not over.
@@ -90,7 +92,7 @@ pub(crate) fn visit(
                 break;
             }
             match &mut pass {
-                None => pass = Some(PixelPass::starting(law, signal, at, to)),
+                None => pass = Some(PixelPass::starting(law, signal, at, to, spike.on)),
                 Some(pass) => {
                     pass.advance(at, blocks, |block, c| {
                         compensator += c;
@@ -111,7 +113,13 @@ pub(crate) fn visit(
 }
 
 impl<'a> PixelPass<'a> {
-    fn starting(law: &'a ComparatorLaw, signal: SampledSignal<'a>, at: f64, end: f64) -> Self {
+    fn starting(
+        law: &'a ComparatorLaw,
+        signal: SampledSignal<'a>,
+        at: f64,
+        end: f64,
+        on: bool,
+    ) -> Self {
         let mut pass = Self {
             law,
             signal,
@@ -119,12 +127,13 @@ impl<'a> PixelPass<'a> {
             fired: at,
             states: [ReferenceHypothesis::default(); N_STATES],
             path: 0.0,
+            crossed: [0.0; 2],
             max_noise: law.max_path_share2(),
             next_burst: 0,
         };
         let noise = law.noise * pass.darkness(at);
         let variance = law.stored_share * noise * noise + pass.shot_variance(at);
-        pass.reset(at, end, 0.0, variance);
+        pass.reset(at, end, pass.first_shift(on), variance);
         pass
     }
 
@@ -158,6 +167,7 @@ impl<'a> PixelPass<'a> {
         self.states[RESET].weight = 1.0;
         self.fired = at;
         self.path = 0.0;
+        self.crossed = [0.0; 2];
     }
 
     /// Moves to a position; reports compensators by block.
@@ -276,6 +286,8 @@ impl<'a> PixelPass<'a> {
             let state = self.states[RESET];
             let (hazard, _) = self.segment(&state, ends, seconds, darkness, None, since_s);
             let [on, off] = hazard.on_off.map(|h| h * gate);
+            self.crossed[0] += on;
+            self.crossed[1] += off;
             let all = on + off + background[0] + background[1];
             return (all, [on + background[0], off + background[1]]);
         }
@@ -308,6 +320,8 @@ impl<'a> PixelPass<'a> {
         for (state, weight) in self.states.iter_mut().zip(moved) {
             state.weight = weight / after.max(1e-300);
         }
+        self.crossed[0] += sides[0];
+        self.crossed[1] += sides[1];
         let crossed = -(after / before).max(1e-300).ln();
         (
             crossed + background[0] + background[1],
@@ -345,7 +359,8 @@ impl<'a> PixelPass<'a> {
             hazard += crossing + shot + state.weight * background;
             // Influence of an outlier on the reference level is bounded.
             let innovation = 2.0 * (0.5 * (1.0 - at.change)).tanh();
-            shift += sign * law.theta[side] * innovation * (crossing * at.gain + shot);
+            let stored = crossing * (innovation * at.gain + at.lead) + shot * innovation;
+            shift += sign * law.theta[side] * stored;
             variance += (crossing + shot) * at.variance + state.weight * background * own;
             change += state.weight * at.change;
             if state.weight > kept.weight {
