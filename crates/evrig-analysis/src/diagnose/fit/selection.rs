@@ -19,8 +19,8 @@ use std::collections::BTreeSet;
 /// (work budget).
 const N_CANDIDATES: [usize; 2] = [8, 4];
 
-/// Optimizer steps with a part of the pixels, and with all.
-const N_STEPS: [usize; 2] = [10, 4];
+/// Largest number of optimizer steps with a part of the pixels, and with all.
+const N_STEPS: [usize; 2] = [10, 12];
 
 /// Rounds of thresholds and constants.
 const N_SPREAD_ROUNDS: usize = 2;

@@ -2,6 +2,7 @@
 
 use crate::diagnose::Evidence;
 use crate::diagnose::model::camera_model::CameraModel;
+use crate::diagnose::model::constants::CameraConstant;
 use crate::diagnose::model::terms::train_blocks;
 use crate::diagnose::model::view::ModelledPixel;
 use rayon::prelude::*;
@@ -9,6 +10,8 @@ use std::sync::Arc;
 
 /// Correlation of a pixel's ON and OFF threshold.
 const CORRELATION: f64 = 0.5;
+/// Largest finite difference of a log threshold; half of the threshold noise where that is less, so
+/// that it lies within the peak.
 const STEP: f64 = 0.02;
 
 /// Mode and information of a pixel's two log thresholds from the training cells.
@@ -44,7 +47,8 @@ fn quadratic(evidence: &Evidence, model: &CameraModel, p: usize) -> PixelThresho
     let at = model.spread[p];
     let view = model.view(evidence, p, None);
     let f = |dx: f64, dy: f64| train_score(evidence, model, p, [at[0] + dx, at[1] + dy], &view);
-    let (h, zero) = (STEP, f(0.0, 0.0));
+    let noise = model.constant(CameraConstant::LogNoise).exp();
+    let (h, zero) = (STEP.min(0.5 * noise), f(0.0, 0.0));
     let (xp, xm, yp, ym) = (f(h, 0.0), f(-h, 0.0), f(0.0, h), f(0.0, -h));
     let pp = f(h, h);
     let g = [(xp - xm) / (2.0 * h), (yp - ym) / (2.0 * h)];
@@ -56,8 +60,12 @@ fn quadratic(evidence: &Evidence, model: &CameraModel, p: usize) -> PixelThresho
     let b = b.clamp(-limit, limit);
     let det = a * c - b * b;
     let step = [(c * g[0] - b * g[1]) / det, (a * g[1] - b * g[0]) / det];
+    // Newton's step from afar can lead away from the peak.
+    let step = step.map(|s| s.clamp(-0.3, 0.3));
+    let shares = [1.0, 0.5, 0.25, 0.125];
+    let share = shares.into_iter().find(|s| f(s * step[0], s * step[1]) >= zero).unwrap_or(0.0);
     PixelThresholds {
-        mode: [at[0] + step[0].clamp(-0.3, 0.3), at[1] + step[1].clamp(-0.3, 0.3)],
+        mode: [at[0] + share * step[0], at[1] + share * step[1]],
         information: [a, b, c],
     }
 }
