@@ -81,10 +81,10 @@ impl CandidateConstants {
     }
 }
 
-/// An objective of the nuisances alone, on the training tiles, on which a search evaluates.
+/// An objective of the nuisances alone.
 struct Fixed<'a> {
     objective: &'a dyn Objective,
-    train: HeldObjective<'a>,
+    k: [f64; 6],
 }
 
 impl Objective for Fixed<'_> {
@@ -100,8 +100,12 @@ impl Objective for Fixed<'_> {
         self.objective.nuisances()
     }
 
-    fn value(&self, _: [f64; 6], nuisances: &[f64], _: TileSubset) -> f64 {
-        (self.train)(nuisances)
+    fn value(&self, _: [f64; 6], nuisances: &[f64], part: TileSubset) -> f64 {
+        self.objective.value(self.k, nuisances, part)
+    }
+
+    fn at(&self, _: [f64; 6], part: TileSubset) -> HeldObjective<'_> {
+        self.objective.at(self.k, part)
     }
 }
 
@@ -146,8 +150,7 @@ pub fn calibrate(
     let judge = |(name, k): (&str, Coefficients)| {
         // Each candidate gets its own nuisance parameters, fitted to a part of the data.
         let n_fit = 25 * objective.nuisances().len();
-        let part = objective.thinned().unwrap_or(objective);
-        let fixed = Fixed { objective: part, train: part.at(k.k(), TileSubset::Train) };
+        let fixed = Fixed { objective: objective.thinned().unwrap_or(objective), k: k.k() };
         let found = search(&fixed, k.k(), n_fit, settings.seed);
         n_evaluations += found.n_evaluations + 2;
         let [train, held_out] = [TileSubset::Train, TileSubset::HeldOut]

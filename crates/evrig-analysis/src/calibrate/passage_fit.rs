@@ -112,24 +112,20 @@ struct Term<const P: usize> {
 
 fn drift_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f64; 6]) -> Term<4> {
     let PredictedPassage { passage, tile, predicted } = used;
-    let along = pixel(brightness, passage).along(passage.start_us, passage.end_us, k[1]);
-    let ends = drift_at_ends(brightness, passage, k);
-    let variance = predicted.variance(k) + rounding(ends) + MIN_VARIANCE;
+    let PassageResidual { along, value, rounding } = residual(brightness, passage, k);
+    let variance = predicted.variance(k) + rounding + MIN_VARIANCE;
     Term {
         tile: *tile,
         weights: predicted.drift_by(k).map(|by| by / variance),
-        residual: residual(passage, &along, ends, k),
+        residual: value,
         by: along.drift_by(k),
     }
 }
 
 fn diffusion_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f64; 6]) -> Term<2> {
     let PredictedPassage { passage, tile, predicted } = used;
-    let along = pixel(brightness, passage).along(passage.start_us, passage.end_us, k[1]);
-    let ends = drift_at_ends(brightness, passage, k);
-    let rounding = rounding(ends);
+    let PassageResidual { along, value: r, rounding } = residual(brightness, passage, k);
     let variance = predicted.variance(k) + rounding + MIN_VARIANCE;
-    let r = residual(passage, &along, ends, k);
     Term {
         tile: *tile,
         weights: predicted.variance_by(k).map(|by| by / (variance * variance)),
@@ -138,25 +134,26 @@ fn diffusion_term(brightness: &BrightnessSeries, used: &PredictedPassage, k: &[f
     }
 }
 
-fn side(passage: &Passage) -> f64 {
-    if passage.on { 1.0 } else { -1.0 }
+/// Barrier minus drift along a passage.
+struct PassageResidual {
+    along: PathIntegrals,
+    /// Thresholds.
+    value: f64,
+    /// Variance of it by rounding of the stamps.
+    rounding: f64,
 }
 
-/// Drift at the start and the end of a passage, thresholds per µs.
-fn drift_at_ends(brightness: &BrightnessSeries, passage: &Passage, k: &[f64; 6]) -> [f64; 2] {
+/// Stamps are rounded up, so both ends lie half a microsecond earlier on average.
+fn residual(brightness: &BrightnessSeries, passage: &Passage, k: &[f64; 6]) -> PassageResidual {
     let pixel = pixel(brightness, passage);
-    [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k))
-}
-
-/// Barrier minus drift. Stamps are rounded up, so both ends lie half a microsecond earlier on
-/// average.
-fn residual(passage: &Passage, along: &PathIntegrals, [start, end]: [f64; 2], k: &[f64; 6]) -> f64 {
-    side(passage) - along.drift(k) + 0.5 * (end - start)
-}
-
-/// Variance of r by rounding of the stamps, from the drift at both ends.
-fn rounding([start, end]: [f64; 2]) -> f64 {
-    (start * start + end * end) / 12.0
+    let along = pixel.along(passage.start_us, passage.end_us, k[1]);
+    let [start, end] = [passage.start_us, passage.end_us].map(|t| pixel.drift_at(t, k));
+    let side = if passage.on { 1.0 } else { -1.0 };
+    PassageResidual {
+        value: side - along.drift(k) + 0.5 * (end - start),
+        rounding: (start * start + end * end) / 12.0,
+        along,
+    }
 }
 
 /// Sums of terms by tile, in a fixed order for reproducibility.
@@ -276,10 +273,8 @@ fn result(
     let residuals: Vec<(f64, f64)> = used
         .par_iter()
         .map(|used| {
-            let term = drift_term(brightness, used, k);
-            let ends = drift_at_ends(brightness, &used.passage, k);
-            let predicted = used.predicted.variance(k) + rounding(ends);
-            (term.residual, predicted)
+            let PassageResidual { value, rounding, .. } = residual(brightness, &used.passage, k);
+            (value, used.predicted.variance(k) + rounding)
         })
         .collect();
     let n_far = residuals.iter().filter(|(r, _)| r.abs() > 0.5).count() as f64;

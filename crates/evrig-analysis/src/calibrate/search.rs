@@ -109,14 +109,19 @@ fn descend(
         (k, extra)
     };
     let finite = |value: f64| if value.is_finite() { value } else { NO_VALUE };
+    let held = free.is_empty().then(|| objective.at(start, TileSubset::Train));
+    let train = |k, nuisances: &[f64]| match &held {
+        Some(held) => finite(held(nuisances)),
+        None => finite(objective.value(k, nuisances, TileSubset::Train)),
+    };
     let mut spent = 1;
-    let first = finite(objective.value(start, nuisances, TileSubset::Train));
+    let first = train(start, nuisances);
     let mut best =
         SearchResult { k: start, nuisances: nuisances.to_vec(), train: first, n_evaluations: 0 };
     let evaluate = |point: &DVector<f64>| {
         let (k, extra) = unpack(point.as_slice());
         spent += 1;
-        let value = finite(objective.value(k, &extra, TileSubset::Train));
+        let value = train(k, &extra);
         if value < best.train {
             best = SearchResult { k, nuisances: extra, train: value, n_evaluations: 0 };
         }

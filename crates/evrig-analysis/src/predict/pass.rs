@@ -131,9 +131,7 @@ impl<'a> PixelPass<'a> {
             max_noise: law.max_path_share2(),
             next_burst: 0,
         };
-        let noise = law.noise * pass.darkness(at);
-        let variance = law.stored_share * noise * noise + pass.shot_variance(at);
-        pass.reset(at, end, pass.first_shift(on), variance);
+        pass.reset(at, end, pass.first_shift(on), pass.stored_variance());
         pass
     }
 
@@ -142,11 +140,12 @@ impl<'a> PixelPass<'a> {
         self.signal.darkness[i]
     }
 
-    fn shot_variance(&self, position: f64) -> f64 {
-        if self.law.shot_rms <= 0.0 {
-            return 0.0;
-        }
-        (self.law.shot_rms * self.darkness(position) / LOGISTIC_SD).powi(2)
+    /// Variance of the noise that an event at the present position stores, whatever caused it.
+    fn stored_variance(&self) -> f64 {
+        let darkness = self.darkness(self.position);
+        let noise = self.law.noise * darkness;
+        let shot = self.law.shot_rms.max(0.0) * darkness / LOGISTIC_SD;
+        self.law.stored_share * noise * noise + shot * shot
     }
 
     pub(super) fn leaky(&self, position: f64) -> f64 {
@@ -346,10 +345,7 @@ impl<'a> PixelPass<'a> {
         let background = (law.background_hz[side] + self.burst_hz(side)) * gate;
         let (mut hazard, mut shift, mut variance, mut change) = (0.0, 0.0, 0.0, 0.0);
         let mut kept = ReferenceHypothesis::default();
-        let own = {
-            let noise = law.noise * self.darkness(self.position);
-            law.stored_share * noise * noise + self.shot_variance(self.position)
-        };
+        let own = self.stored_variance();
         let mut crossed_all = 0.0;
         for state in self.states.iter().filter(|state| state.weight > 1e-12) {
             let at = self.instant(state, spike.on);
