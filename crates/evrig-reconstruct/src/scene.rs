@@ -15,6 +15,7 @@ mod align_davis;
 mod bilinear;
 mod clustered_covariance;
 mod coarse_grid;
+mod cubic;
 mod davis_alignment;
 mod davis_image;
 mod drive;

@@ -2,8 +2,10 @@
 //! motion-compensated.
 
 use super::bilinear::BilinearWeights;
+use super::cubic::cubic;
 use super::frame_view::FrameView;
 use super::optical_flow::{FrameFlow, best_shift, flow_ends};
+use super::patch::PATCH_HALF_PX;
 use super::pixel_noise::PixelNoise;
 use super::temporal_denoising::denoise;
 use evrig_core::drive::{Drive, TimeGrid};
@@ -170,7 +172,10 @@ impl FramesDrive {
     fn corners(&self, place: [f64; 2]) -> Option<BilinearWeights> {
         let [x, y] = place.map(|p| p - 0.5);
         let [right, bottom] = [self.size.width, self.size.height].map(|n| f64::from(n) - 1.0);
-        let is_inside = (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
+        // Motion is found by patches, which at the border lack pixels.
+        let least = if self.flows.is_empty() { 0.0 } else { PATCH_HALF_PX as f64 };
+        let is_inside =
+            (least..=right - least).contains(&x) && (least..=bottom - least).contains(&y);
         is_inside.then(|| self.view(0).corners([x as f32, y as f32]))
     }
 
@@ -210,8 +215,13 @@ impl AlongFlow<'_> {
         let shifts = self.flow.candidates(self.place);
         let shift = best_shift(views, self.place, share, shifts, self.noise);
         let [from, to] = flow_ends(self.place, share, shift);
-        let log_intensity =
-            |k: usize, end| self.drive.log_intensity(self.frame + k, &views[k].corners(end));
+        let log_intensity = |k: usize, end| {
+            if views[k].corners(end).max_value(views[k].values) >= self.drive.saturated {
+                f32::NAN
+            } else {
+                cubic(views[k], end).ln()
+            }
+        };
         let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
         before + (after - before) * share
     }

@@ -3,7 +3,7 @@
 use super::frame_view::FrameView;
 
 /// Half the side of a compared patch, and its side, pixels.
-const PATCH_HALF_PX: usize = 2;
+pub(super) const PATCH_HALF_PX: usize = 2;
 const PATCH_PX: usize = 2 * PATCH_HALF_PX + 1;
 
 /// A patch of a frame around a position between pixels.
