@@ -3,8 +3,9 @@
 //! DV chains blocks of 64 KiB, each of which may refer to the one before. They are decoded in
 //! place one after another, which avoids the copies of a streaming decoder, and a frame
 //! without its end mark is detected, which streaming decoders accept at a block's end. Frames
-//! written here have independent blocks and a content checksum, so that a flipped bit
-//! is found when the file is read.
+//! written here state their size and have independent blocks with a checksum each, so that a flipped
+//! bit is found when the file is read. Checksums of blocks cover the compressed bytes, half as many
+//! as the content: XXH32 of the content takes a third of the time of its compression.
 
 use super::memory::{DecompressFailure, grow};
 use lz4::block::{CompressionMode, compress_bound, compress_to_buffer};
@@ -28,9 +29,16 @@ const HAS_CONTENT_SIZE: u8 = 0x08;
 /// Flag: a checksum of the content follows the end.
 const HAS_CONTENT_SUM: u8 = 0x04;
 
-/// Bytes of a written frame without its blocks: magic, descriptor and checksum; end mark and
-/// checksum.
-const HEAD_AND_END_BYTES: usize = 7 + 8;
+/// Bytes of a written frame without its blocks: magic, descriptor with the size and its checksum; end
+/// mark.
+const HEAD_AND_END_BYTES: usize = 15 + 4;
+
+/// Bytes of a written block besides the compressed data: length and checksum.
+const BLOCK_FRAMING_BYTES: usize = 8;
+
+/// Largest block of a written frame, and its descriptor. Up to this size the library compresses with
+/// offsets of 16 bits, an eighth faster than larger blocks and 2 % larger.
+const WRITTEN_BLOCKS: (u8, usize) = BLOCK_SIZES[0];
 
 /// Largest offset of a match.
 const MAX_MATCH_OFFSET: usize = 1 << 16;
@@ -50,7 +58,7 @@ pub(super) fn decompress(
     plain: &mut Vec<u8>,
 ) -> Result<usize, DecompressFailure> {
     let mut rest = raw;
-    let (flags, largest) = read_head(&mut rest)?;
+    let (flags, largest, stated) = read_head(&mut rest)?;
     let mut n = 0;
     loop {
         let length = take_u32(&mut rest)?;
@@ -66,11 +74,14 @@ pub(super) fn decompress(
     if flags & HAS_CONTENT_SUM != 0 {
         check_sum(&plain[..n], take_u32(&mut rest)?)?;
     }
-    Ok(n)
+    match stated {
+        Some(stated) if stated != n as u64 => Err(damaged("an LZ4 frame of another size")),
+        _ => Ok(n),
+    }
 }
 
-/// Reads the head of a frame: flags and size of the largest block.
-fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), DecompressFailure> {
+/// Reads the head of a frame: flags, size of the largest block, and size of the content where stated.
+fn read_head(rest: &mut &[u8]) -> Result<(u8, usize, Option<u64>), DecompressFailure> {
     if take(rest, 4)? != MAGIC {
         return Err(damaged("no LZ4 frame"));
     }
@@ -80,8 +91,10 @@ fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), DecompressFailure> {
     if flags & FIXED_FLAGS != VERSION {
         return Err(damaged("an LZ4 frame of another version or with a dictionary"));
     }
+    let mut stated = None;
     if flags & HAS_CONTENT_SIZE != 0 {
-        take(rest, 8)?;
+        let [low, high] = [take_u32(rest)?, take_u32(rest)?].map(u64::from);
+        stated = Some(low | high << 32);
     }
     let described = &from[..from.len() - rest.len()];
     if take(rest, 1)? != [head_sum(described)] {
@@ -89,7 +102,7 @@ fn read_head(rest: &mut &[u8]) -> Result<(u8, usize), DecompressFailure> {
     }
     let largest = BLOCK_SIZES.iter().find(|(descriptor, _)| *descriptor == code);
     let (_, largest) = largest.ok_or_else(|| damaged("an LZ4 frame of unknown block size"))?;
-    Ok((flags, *largest))
+    Ok((flags, *largest, stated))
 }
 
 fn head_sum(descriptor: &[u8]) -> u8 {
@@ -149,20 +162,21 @@ fn damaged(found: &str) -> DecompressFailure {
     DecompressFailure::Damaged(found.to_owned())
 }
 
-/// Compresses to a frame of the largest blocks, in `out` from the byte `at`, and returns
-/// its end; `out` grows as needed and is never shrunk.
+/// Compresses to a frame, in `out` from the byte `at`, and returns its end; `out` grows as needed
+/// and is never shrunk.
 pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result<usize> {
-    let fits = |(_, largest): &&(u8, usize)| plain.len() <= *largest;
-    let (code, largest) = *BLOCK_SIZES.iter().find(fits).unwrap_or(&BLOCK_SIZES[3]);
-    let descriptor = [VERSION | IS_INDEPENDENT | HAS_CONTENT_SUM, code];
-    grow(out, at + HEAD_AND_END_BYTES);
+    let (code, largest) = WRITTEN_BLOCKS;
+    let n_blocks = plain.len().div_ceil(largest);
+    let block_bytes = compress_bound(plain.len().min(largest))? + BLOCK_FRAMING_BYTES;
+    grow(out, at + HEAD_AND_END_BYTES + n_blocks * block_bytes);
     let mut end = at;
     put(out, &mut end, &MAGIC);
-    put(out, &mut end, &descriptor);
-    put(out, &mut end, &[head_sum(&descriptor)]);
+    let flags = VERSION | IS_INDEPENDENT | HAS_BLOCK_SUMS | HAS_CONTENT_SIZE;
+    put(out, &mut end, &[flags, code]);
+    put(out, &mut end, &(plain.len() as u64).to_le_bytes());
+    let sum = head_sum(&out[at + MAGIC.len()..end]);
+    put(out, &mut end, &[sum]);
     for block in plain.chunks(largest) {
-        // Space for the block after its length, and for what follows the last block.
-        grow(out, end + 4 + compress_bound(block.len())? + HEAD_AND_END_BYTES);
         let mode = Some(CompressionMode::FAST(1));
         let n = compress_to_buffer(block, mode, false, &mut out[end + 4..])?;
         if n < block.len() {
@@ -172,9 +186,10 @@ pub(super) fn compress(plain: &[u8], out: &mut Vec<u8>, at: usize) -> io::Result
             put(out, &mut end, &(block.len() as u32 | IS_STORED).to_le_bytes());
             put(out, &mut end, block);
         }
+        let sum = XxHash32::oneshot(0, &out[end - n.min(block.len())..end]);
+        put(out, &mut end, &sum.to_le_bytes());
     }
     put(out, &mut end, &[0; 4]);
-    put(out, &mut end, &XxHash32::oneshot(0, plain).to_le_bytes());
     Ok(end)
 }
 
@@ -252,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn the_c_library_reads_our_frames_of_every_block_size() {
+    fn the_c_library_reads_our_frames_of_every_size() {
         for n in [0, 1, 65_536, 65_537, 262_145, 1_048_577, 4_194_304, 9_000_000] {
             let plain = bytes_of(n, 9);
             let raw = frame_of(&plain);
