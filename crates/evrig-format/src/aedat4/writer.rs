@@ -1,32 +1,27 @@
 //! The writer: packets of sensible size, and a data table at the end.
 
 use super::compression::compress;
-use super::cut::cut_into_packets;
 use super::header::{self, MAGIC};
-use super::outgoing::{HEAD_BYTES, PacketBuffer, span};
+use super::outgoing::{HEAD_BYTES, PacketBuffer, PacketInput};
 use super::table::{self, TableEntry};
-use super::{Compression, PayloadKind, StreamSpec, WriteError, encode};
+use super::{Compression, Content, StreamSpec, WriteError};
 use crate::Destination;
 use evrig_core::event::EventSlice;
 use evrig_core::frame::Frame;
 use evrig_core::imu::{ImuSample, Trigger};
 use evrig_core::time::Davis;
-use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
-/// Packets that are compressed in parallel, while as many previous ones are written.
+/// Packets that are compressed in parallel, ahead of the one that is written: at least two for each
+/// core of a desktop computer, 8 MiB before compression.
 const PARALLEL_PACKETS: usize = 16;
 
 /// Small packets are gathered to this size; larger ones are written as they are, each at once.
 const GATHERED_BYTES: usize = 1 << 16;
-
-/// Samples or triggers in a packet at most.
-const SAMPLE_PACKET_LENGTH: usize = 1 << 12;
-
-/// Largest column or row that AEDAT4 can hold.
-const MAX_COORDINATE: u16 = i16::MAX as u16;
 
 /// What was written, counted while writing.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -57,8 +52,8 @@ pub struct Writer<W: Write> {
     patch_header: Option<PatchHeader<W>>,
     entries: Vec<TableEntry>,
     summary: WriteSummary,
-    /// Memory of packets that were written and of those being compressed.
-    packets: [Vec<PacketBuffer>; 2],
+    /// Memory of packets that were written.
+    spare: Vec<PacketBuffer>,
 }
 
 impl Writer<BufWriter<File>> {
@@ -158,7 +153,7 @@ impl<W: Write> Writer<W> {
             patch_header: None,
             entries: Vec::new(),
             summary: WriteSummary { n_elements: vec![0; streams.len()], ..WriteSummary::default() },
-            packets: [Vec::new(), Vec::new()],
+            spare: Vec::new(),
         }
     }
 
@@ -177,74 +172,7 @@ impl<W: Write> Writer<W> {
     /// [`WriteError`] when the stream carries no events, a coordinate is above 32,767, or writing
     /// fails.
     pub fn write_events(&mut self, stream: u32, events: EventSlice<'_>) -> Result<(), WriteError> {
-        self.check_stream(stream, &PayloadKind::Events, "events")?;
-        let union = |column: &[u16]| column.iter().fold(0, |union, c| union | c);
-        if union(events.x) | union(events.y) > MAX_COORDINATE {
-            let is_beyond = |i: &usize| events.x[*i].max(events.y[*i]) > MAX_COORDINATE;
-            let i = (0..events.len()).find(is_beyond).unwrap_or_default();
-            let found = format!("event {i} at x {}, y {}", events.x[i], events.y[i]);
-            return Err(self.unrepresentable(stream, found));
-        }
-        let cuts = cut_into_packets(events);
-        let mut packets = std::mem::take(&mut self.packets);
-        let written = if self.compression == Compression::None || cuts.len() == 1 {
-            self.write_sequential(stream, events, &cuts, &mut packets[0])
-        } else {
-            self.write_parallel(stream, events, &cuts, &mut packets)
-        };
-        self.packets = packets;
-        written?;
-        self.flush_stream()
-    }
-
-    /// Encodes and writes one packet after the other in the same memory, which stays in the cache.
-    fn write_sequential(
-        &mut self,
-        stream: u32,
-        events: EventSlice<'_>,
-        cuts: &[[usize; 2]],
-        memory: &mut Vec<PacketBuffer>,
-    ) -> Result<(), WriteError> {
-        let mut packet = memory.pop().unwrap_or_default();
-        for &[start, end] in cuts {
-            let taken = packet.take_events(self.compression, events.range(start, end));
-            taken.map_err(|source| self.failed(source))?;
-            self.write_packet(stream, &mut packet)?;
-        }
-        memory.push(packet);
-        Ok(())
-    }
-
-    /// Compresses packets in parallel while the previous ones are written, in order.
-    fn write_parallel(
-        &mut self,
-        stream: u32,
-        events: EventSlice<'_>,
-        cuts: &[[usize; 2]],
-        [ready, next]: &mut [Vec<PacketBuffer>; 2],
-    ) -> Result<(), WriteError> {
-        let compression = self.compression;
-        let mut n_ready = 0;
-        // The last packets are written while nothing is compressed.
-        for cuts in cuts.chunks(PARALLEL_PACKETS).chain(std::iter::once(&[][..])) {
-            next.resize_with(next.len().max(cuts.len()), PacketBuffer::default);
-            let mut taken = Ok(());
-            let written = rayon::in_place_scope(|scope| {
-                scope.spawn(|_| {
-                    let work = cuts.par_iter().zip(next.par_iter_mut()).with_max_len(1);
-                    taken = work.try_for_each(|(&[start, end], packet)| {
-                        packet.take_events(compression, events.range(start, end))
-                    });
-                });
-                let mut ready = ready[..n_ready].iter_mut();
-                ready.try_for_each(|packet| self.write_packet(stream, packet))
-            });
-            written?;
-            taken.map_err(|source| self.failed(source))?;
-            std::mem::swap(ready, next);
-            n_ready = cuts.len();
-        }
-        Ok(())
+        self.write_all([(stream, PacketInput::Events(events))])
     }
 
     /// Writes one frame.
@@ -253,18 +181,7 @@ impl<W: Write> Writer<W> {
     /// [`WriteError`] when the stream carries no frames, the samples do not match the frame's size
     /// or larger than AEDAT4 can hold, or writing fails.
     pub fn write_frame(&mut self, stream: u32, frame: &Frame<Davis>) -> Result<(), WriteError> {
-        self.check_stream(stream, &PayloadKind::Frames, "frames")?;
-        let n_samples = frame.size.n_pixels() * frame.channels.count();
-        if frame.size.width.max(frame.size.height) > MAX_COORDINATE {
-            return Err(self.unrepresentable(stream, format!("a frame of {} pixels", frame.size)));
-        }
-        if frame.samples.len() != n_samples {
-            let found =
-                format!("a frame of {} samples that needs {n_samples}", frame.samples.len());
-            return Err(self.unrepresentable(stream, found));
-        }
-        let t = frame.timing.stamp.as_micros();
-        self.write_payload(stream, &encode::frame(frame), 1, [t, t])
+        self.write_all([(stream, PacketInput::Frame(frame))])
     }
 
     /// Writes inertial samples.
@@ -272,12 +189,7 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// [`WriteError`] when the stream carries none or writing fails.
     pub fn write_imu(&mut self, stream: u32, samples: &[ImuSample]) -> Result<(), WriteError> {
-        self.check_stream(stream, &PayloadKind::Imu, "inertial samples")?;
-        for run in samples.chunks(SAMPLE_PACKET_LENGTH) {
-            let span = span(run.iter().map(|sample| sample.stamp.as_micros()));
-            self.write_payload(stream, &encode::imu(run), run.len(), span)?;
-        }
-        Ok(())
+        self.write_all([(stream, PacketInput::Imu(samples))])
     }
 
     /// Writes triggers.
@@ -285,12 +197,91 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// [`WriteError`] when the stream carries none or writing fails.
     pub fn write_triggers(&mut self, stream: u32, marks: &[Trigger]) -> Result<(), WriteError> {
-        self.check_stream(stream, &PayloadKind::Triggers, "triggers")?;
-        for run in marks.chunks(SAMPLE_PACKET_LENGTH) {
-            let span = span(run.iter().map(|mark| mark.stamp.as_micros()));
-            self.write_payload(stream, &encode::triggers(run), run.len(), span)?;
+        self.write_all([(stream, PacketInput::Triggers(marks))])
+    }
+
+    /// Writes contents in order, each with the number of its stream, and compresses their packets in
+    /// parallel. Contents of an unknown kind are passed over.
+    ///
+    /// # Errors
+    /// [`WriteError`] when a stream carries something else, AEDAT4 cannot hold a content, or writing
+    /// fails; nothing is written where one is refused.
+    pub fn write_contents(&mut self, contents: &[(u32, Content)]) -> Result<(), WriteError> {
+        self.write_all(contents.iter().filter_map(|(stream, content)| {
+            let input = match content {
+                Content::Events(events) => PacketInput::Events(events.as_slice()),
+                Content::Frame(frame) => PacketInput::Frame(frame),
+                Content::Imu(samples) => PacketInput::Imu(samples),
+                Content::Triggers(marks) => PacketInput::Triggers(marks),
+                Content::Unknown { .. } => return None,
+            };
+            Some((*stream, input))
+        }))
+    }
+
+    /// Checks contents and writes their packets, several of a compressed file in parallel.
+    fn write_all<'a>(
+        &mut self,
+        contents: impl IntoIterator<Item = (u32, PacketInput<'a>)>,
+    ) -> Result<(), WriteError> {
+        let mut inputs = Vec::new();
+        for (stream, content) in contents {
+            self.check_stream(stream, content)?;
+            inputs.extend(content.cut().into_iter().map(|input| (stream, input)));
         }
-        Ok(())
+        if inputs.len() > 1 && self.compression != Compression::None {
+            self.write_parallel(&inputs)?;
+        } else {
+            // Always the same memory, which stays in the cache.
+            for (stream, input) in inputs {
+                let mut packet = self.spare.pop().unwrap_or_default();
+                let filled = packet.fill(self.compression, input);
+                filled.map_err(|source| self.failed(source))?;
+                self.write_packet(stream, packet)?;
+            }
+        }
+        self.flush_stream()
+    }
+
+    /// Compresses packets in parallel and writes each as soon as those before it are written.
+    fn write_parallel(&mut self, inputs: &[(u32, PacketInput<'_>)]) -> Result<(), WriteError> {
+        let compression = self.compression;
+        rayon::in_place_scope(|scope| {
+            let mut ahead = VecDeque::with_capacity(PARALLEL_PACKETS);
+            for &(stream, input) in inputs {
+                if ahead.len() == PARALLEL_PACKETS
+                    && let Some((stream, filled)) = ahead.pop_front()
+                {
+                    self.write_filled(stream, &filled)?;
+                }
+                let mut packet = self.spare.pop().unwrap_or_default();
+                let (sender, filled) = sync_channel(1);
+                scope.spawn(move |_| {
+                    // The receiver is gone only after an error.
+                    let _ = sender.send(packet.fill(compression, input).map(|()| packet));
+                });
+                ahead.push_back((stream, filled));
+            }
+            ahead.into_iter().try_for_each(|(stream, filled)| self.write_filled(stream, &filled))
+        })
+    }
+
+    /// Waits for a packet and writes it.
+    fn write_filled(
+        &mut self,
+        stream: u32,
+        filled: &Receiver<io::Result<PacketBuffer>>,
+    ) -> Result<(), WriteError> {
+        let received = loop {
+            match filled.try_recv() {
+                // A thread of the pool that waited could be the one that the packet needs.
+                Err(TryRecvError::Empty) if rayon::yield_now() == Some(rayon::Yield::Executed) => {}
+                Err(TryRecvError::Empty) => break filled.recv().map_err(io::Error::other),
+                done => break done.map_err(io::Error::other),
+            }
+        };
+        let packet = received.flatten().map_err(|source| self.failed(source))?;
+        self.write_packet(stream, packet)
     }
 
     /// Writes the data table (of a file), flushes, and returns counts of what was written.
@@ -313,22 +304,7 @@ impl<W: Write> Writer<W> {
         Ok(self.summary)
     }
 
-    fn write_payload(
-        &mut self,
-        stream: u32,
-        payload: &[u8],
-        n_elements: usize,
-        span_us: [i64; 2],
-    ) -> Result<(), WriteError> {
-        let mut packet = self.packets[0].pop().unwrap_or_default();
-        let taken = packet.take_payload(self.compression, payload, n_elements, span_us);
-        taken.map_err(|source| self.failed(source))?;
-        self.write_packet(stream, &mut packet)?;
-        self.packets[0].push(packet);
-        self.flush_stream()
-    }
-
-    fn write_packet(&mut self, stream: u32, packet: &mut PacketBuffer) -> Result<(), WriteError> {
+    fn write_packet(&mut self, stream: u32, mut packet: PacketBuffer) -> Result<(), WriteError> {
         if self.patch_header.is_some() {
             self.entries.push(TableEntry {
                 payload_offset: self.summary.n_bytes + HEAD_BYTES as u64,
@@ -343,6 +319,7 @@ impl<W: Write> Writer<W> {
         if let Some(n) = self.summary.n_elements.get_mut(stream as usize) {
             *n += packet.n_elements as u64;
         }
+        self.spare.push(packet);
         Ok(())
     }
 
@@ -370,23 +347,20 @@ impl<W: Write> Writer<W> {
         self.destination.flush().map_err(|source| self.failed(source))
     }
 
-    fn check_stream(
-        &self,
-        stream: u32,
-        kind: &PayloadKind,
-        expected: &'static str,
-    ) -> Result<(), WriteError> {
+    /// Refuses what the stream does not carry or AEDAT4 cannot hold.
+    fn check_stream(&self, stream: u32, content: PacketInput<'_>) -> Result<(), WriteError> {
+        let (name, (kind, expected)) = (self.name.clone(), content.kind());
         let found = match self.streams.get(stream as usize) {
-            Some(spec) if spec.kind == *kind => return Ok(()),
+            Some(spec) if spec.kind == kind => {
+                let Some(found) = content.unrepresentable() else { return Ok(()) };
+                let limit =
+                    "columns and rows up to 32767, and exactly the samples of a frame's size";
+                return Err(WriteError::Unrepresentable { name, stream, found, limit });
+            }
             Some(spec) => format!("({}) carries {}", spec.name, spec.kind.identifier()),
             None => format!("does not exist among {}", self.streams.len()),
         };
-        Err(WriteError::WrongStream { name: self.name.clone(), stream, expected, found })
-    }
-
-    fn unrepresentable(&self, stream: u32, found: String) -> WriteError {
-        let limit = "columns and rows up to 32767, and exactly the samples of a frame's size";
-        WriteError::Unrepresentable { name: self.name.clone(), stream, found, limit }
+        Err(WriteError::WrongStream { name, stream, expected, found })
     }
 
     fn failed(&self, source: io::Error) -> WriteError {
@@ -397,9 +371,12 @@ impl<W: Write> Writer<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::aedat4::{Content, Reader};
+    use crate::aedat4::Reader;
+    use crate::aedat4::cut::cut_into_packets;
     use evrig_core::event::{Event, Events};
     use evrig_core::geometry::Size;
+    use evrig_core::imu::TriggerKind;
+    use evrig_core::time::Stamp;
     use proptest::prelude::*;
     use std::io::Cursor;
 
@@ -448,6 +425,32 @@ mod tests {
             let reader = Reader::new(bytes.get_ref().as_slice(), "w").unwrap();
             assert!(events_of(reader) == expected, "{compression:?}");
         }
+    }
+
+    #[test]
+    fn contents_of_several_streams_stay_in_order() {
+        let events = at(0..70_000);
+        let mark = Trigger { stamp: Stamp::from_micros(3), kind: TriggerKind::from_code(1) };
+        let contents = [
+            (0, Content::Events(events.clone())),
+            (1, Content::Triggers(vec![mark])),
+            (0, Content::Events(at(5..6))),
+        ];
+        let mut bytes = Cursor::new(Vec::new());
+        let mut writer = Writer::new(&mut bytes, "w", Compression::Lz4, &specs()).unwrap();
+        writer.write_contents(&contents).unwrap();
+        assert!(writer.write_contents(&[(1, Content::Events(events))]).is_err());
+        assert_eq!(writer.finish().unwrap().n_elements, [70_001, 1]);
+        let reader = Reader::new(bytes.get_ref().as_slice(), "w").unwrap();
+        let lengths: Vec<(u32, usize)> = reader
+            .map(|packet| packet.unwrap())
+            .map(|packet| match packet.content {
+                Content::Events(events) => (packet.stream, events.len()),
+                _ => (packet.stream, 1),
+            })
+            .collect();
+        assert_eq!(lengths[..7], [(0, 10_000); 7]);
+        assert_eq!(lengths[7..], [(1, 1), (0, 1)]);
     }
 
     #[test]
