@@ -104,7 +104,8 @@ fn interpret(
     if lengths.iter().any(|n| *n != lengths[0]) {
         return Err(format!("columns t, x, y, p have {lengths:?} values; expected equal numbers"));
     }
-    let (x, y) = (Coordinates::new("x", x)?, Coordinates::new("y", y)?);
+    let (x, y) = rayon::join(|| Coordinates::new("x", x), || Coordinates::new("y", y));
+    let (x, y) = (x?, y?);
     let mut decisions = vec![assignment.decision];
     let size = match setting.size {
         Some(size) => size,
@@ -221,9 +222,9 @@ fn shift(
     begin_us: Option<i64>,
     decisions: &mut Vec<String>,
 ) -> Result<(), String> {
-    let first = t_us.iter().copied().min().unwrap_or(0);
     let by = match begin_us {
         Some(begin) => {
+            let first = t_us.iter().copied().min().unwrap_or(0);
             decisions.push(format!("the first event is moved from {first} to {begin} us"));
             begin.checked_sub(first)
         }

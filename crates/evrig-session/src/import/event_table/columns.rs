@@ -4,6 +4,7 @@ use super::column_facts::ColumnFacts;
 use super::time_unit::{self, TimeUnit};
 use evrig_core::geometry::Size;
 use evrig_format::StoredTable;
+use rayon::prelude::*;
 use std::str::FromStr;
 
 /// Indices of the columns t, x, y and p, and how they were found.
@@ -140,7 +141,7 @@ fn by_data(table: &StoredTable, size: Option<Size>) -> Result<ColumnAssignment, 
         ));
     }
     let facts: Vec<ColumnFacts> =
-        table.columns.iter().map(|(_, column)| ColumnFacts::of(column)).collect();
+        table.columns.par_iter().map(|(_, column)| ColumnFacts::of(column)).collect();
     let found = |columns: [usize; 4], why: &str| ColumnAssignment {
         columns,
         unit: None,
