@@ -106,7 +106,7 @@ impl EpochFinder {
     }
 
     /// Takes stamps in order, a block at a time where all of it is near the last segment's end.
-    fn extend(&mut self, stamps: &[i64]) {
+    pub(crate) fn extend(&mut self, stamps: &[i64]) {
         for block in stamps.chunks(STAMPS_PER_BLOCK) {
             let (begin, end) = block
                 .iter()

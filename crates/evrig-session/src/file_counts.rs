@@ -83,12 +83,19 @@ impl StreamCounts {
     }
 
     fn add_events(&mut self, events: EventSlice<'_>) {
-        events.t.iter().for_each(|&t| self.add(t));
-        self.n_on += events.count_on() as u64;
-        if let Some(size) = self.size {
-            let outside = events.iter().filter(|event| !size.contains(event.x, event.y));
-            self.n_outside += outside.count() as u64;
+        let (Some(&first), Some(&last)) = (events.t.first(), events.t.last()) else { return };
+        self.epochs.extend(events.t);
+        let before = self.last_us.unwrap_or(first);
+        let pairs = events.t.windows(2).map(|pair| (pair[0], pair[1]));
+        for (earlier, later) in std::iter::once((before, first)).chain(pairs) {
+            self.n_disordered += u64::from(later < earlier);
+            self.longest_gap_us = self.longest_gap_us.max(later.saturating_sub(earlier));
         }
+        self.first_us.get_or_insert(first);
+        self.last_us = Some(last);
+        self.count += events.len() as u64;
+        self.n_on += events.count_on() as u64;
+        self.n_outside += self.size.map_or(0, |size| events.count_outside(size) as u64);
     }
 
     fn losses(&self, name: &str) -> Vec<DataLoss> {
@@ -150,12 +157,15 @@ pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCoun
         }
     }
     let mut found = FileCounts::default();
-    for packet in reader.by_ref() {
+    while let Some(packet) = reader.next() {
         match packet {
             Ok(packet) => {
                 progress(packet.offset);
                 if let Some(stream) = streams.get_mut(&packet.stream) {
                     add_packet(stream, &packet);
+                }
+                if let Content::Events(events) = packet.content {
+                    reader.recycle(events);
                 }
             }
             // The path is left out: the damage is described by its position in the file.
