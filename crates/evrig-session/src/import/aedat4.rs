@@ -8,7 +8,7 @@ use crate::file_counts::{FileCounts, StreamCounts, count_file};
 use crate::manifest::file_name;
 use crate::{
     Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus,
-    StreamEntry, StreamKind,
+    StreamEntry, StreamKind, sha256_of_file,
 };
 use evrig_format::aedat4::{Reader, StreamHeader};
 use serde_json::json;
@@ -57,24 +57,32 @@ pub(super) fn adopt(
     progress: &mut dyn FnMut(u64),
 ) -> Result<Manifest, SessionError> {
     let Aedat4Source { file: source, path: from, origin, epoch, mut decisions, losses } = given;
-    let found = count_file(from, progress)?;
     let n_bytes = std::fs::metadata(from).map_or(0, |about| about.len());
     let path = builder.layout.davis();
     let is_inside = from.starts_with(builder.layout.root());
-    let parted = PartedFile::write(from, &path, &found, epoch)?;
-    let (found, parted) = match parted {
+    // The file is copied and its checksum computed while it is counted.
+    let (found, taken) = std::thread::scope(|scope| {
+        let taking = scope.spawn(|| {
+            if !is_inside {
+                std::fs::copy(from, &path).map_err(SessionError::io(from))?;
+            }
+            sha256_of_file(if is_inside { from } else { &path })
+        });
+        let found = count_file(from, progress);
+        (found, taking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let (found, taken) = (found?, taken?);
+    let (found, taken, parted) = match PartedFile::write(from, &path, &found, epoch)? {
         Some(parted) => {
             let damage = found.damage;
             let again = count_file(&path, &mut |offset| progress(n_bytes + offset))?;
-            (FileCounts { damage, ..again }, parted)
-        }
-        None if is_inside => {
-            std::fs::rename(from, &path).map_err(SessionError::io(from))?;
-            (found, PartedFile::default())
+            (FileCounts { damage, ..again }, sha256_of_file(&path)?, parted)
         }
         None => {
-            std::fs::copy(from, &path).map_err(SessionError::io(from))?;
-            (found, PartedFile::default())
+            if is_inside {
+                std::fs::rename(from, &path).map_err(SessionError::io(from))?;
+            }
+            (found, taken, PartedFile::default())
         }
     };
     if is_inside && from.exists() {
@@ -89,7 +97,7 @@ pub(super) fn adopt(
     if epoch != EpochChoice::All {
         check_counts(source, &found)?;
     }
-    let whole = manifest(&builder, origin, &path, &found)?;
+    let whole = manifest(&builder, origin, builder.named_entry(&path, taken), &found);
     decisions.extend(parted.decisions);
     decisions.extend(named_streams(&whole.streams, &found));
     let losses = losses.into_iter().chain(whole.losses.iter().cloned()).chain(parted.losses);
@@ -139,13 +147,13 @@ fn check_counts(source: &Path, found: &FileCounts) -> Result<(), SessionError> {
 fn manifest(
     builder: &SessionBuilder,
     origin: Origin,
-    path: &Path,
+    file: (String, FileEntry),
     found: &FileCounts,
-) -> Result<Manifest, SessionError> {
-    let DescribedFile { streams, file, losses } = describe(builder, path, found)?;
+) -> Manifest {
+    let DescribedFile { streams, file, losses } = describe(file, found);
     let is_whole = found.damage.is_none();
     let status = if is_whole { SessionStatus::Complete } else { SessionStatus::Recovered };
-    Ok(Manifest::new(builder.layout.root(), origin, status, streams, [file], losses))
+    Manifest::new(builder.layout.root(), origin, status, streams, [file], losses)
 }
 
 /// An AEDAT4 file as a manifest describes it.
@@ -158,16 +166,14 @@ pub(super) struct DescribedFile {
 
 /// Describes a counted AEDAT4 file inside the session.
 pub(super) fn describe(
-    builder: &SessionBuilder,
-    path: &Path,
+    (file, mut entry): (String, FileEntry),
     found: &FileCounts,
-) -> Result<DescribedFile, SessionError> {
-    let (file, mut entry) = builder.file_entry(path)?;
+) -> DescribedFile {
     let mut losses = found.losses.clone();
     if let Some(what) = &found.damage {
         entry.damage = Some(Damage { what: what.clone() });
         losses.push(DataLoss { stream: file.clone(), what: what.clone(), count: 0 });
     }
     let streams = found.entries(&file);
-    Ok(DescribedFile { streams, file: (file, entry), losses })
+    DescribedFile { streams, file: (file, entry), losses }
 }

@@ -1,6 +1,6 @@
 //! The directory of a session that an import makes.
 
-use crate::{FileEntry, Manifest, SessionError, SessionLayout, sha256_of_file};
+use crate::{FileEntry, Manifest, SessionError, SessionLayout, Sha256Hex, sha256_of_file};
 use std::path::{Path, PathBuf};
 
 /// A session directory under construction; removed again unless it is sealed.
@@ -30,10 +30,18 @@ impl SessionBuilder {
 
     /// Checksum and length of a file, under its path inside the session.
     pub(super) fn file_entry(&self, path: &Path) -> Result<(String, FileEntry), SessionError> {
-        let (sha256, bytes) = sha256_of_file(path)?;
+        Ok(self.named_entry(path, sha256_of_file(path)?))
+    }
+
+    /// The same of a known checksum and length.
+    pub(super) fn named_entry(
+        &self,
+        path: &Path,
+        (sha256, bytes): (Sha256Hex, u64),
+    ) -> (String, FileEntry) {
         let inside = path.strip_prefix(self.layout.root()).unwrap_or(path);
         let name = inside.to_string_lossy().replace('\\', "/");
-        Ok((name, FileEntry { bytes, sha256, damage: None }))
+        (name, FileEntry { bytes, sha256, damage: None })
     }
 
     pub(super) fn seal(mut self, manifest: &Manifest) -> Result<(), SessionError> {

@@ -35,7 +35,7 @@ pub fn import_raw2event(
     progress(n_done);
     let found = count_file(&davis, &mut |_| {})?;
     let DescribedFile { mut streams, file: davis_file, mut losses } =
-        describe(&builder, &davis, &found)?;
+        describe(builder.file_entry(&davis)?, &found);
     let pi = ImportedPiFrames::read(request, &files, &builder, &mut |n| {
         n_done += n;
         progress(n_done);
