@@ -1,7 +1,7 @@
 //! A recording of another program, with its events, frames and inertial samples, becomes a session.
 //!
 //! It is written as AEDAT4 packet by packet, so that memory does not grow with the recording, and
-//! then taken in as any AEDAT4 file.
+//! then taken in as any AEDAT4 file. Contents are compressed and written while the next are read.
 
 mod choice;
 
@@ -15,14 +15,20 @@ use choice::{ChosenStream, StreamSurvey};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
 use evrig_format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
-use evrig_format::{CameraFileError, RecordingNotes};
-use std::fs::File;
-use std::io::BufWriter;
+use evrig_format::{CameraFileError, RecordingNotes, RecordingSink, SourceStream};
 use std::path::Path;
+use std::sync::mpsc::{SyncSender, sync_channel};
 
 /// Events of a stream that are written at once: messages of a robot hold few, and a packet each would
 /// cost more than its events.
 const MAX_PENDING_EVENTS: usize = 1 << 15;
+
+/// Events and frames that are given to the writer at once: 16 of its packets, which it compresses in
+/// parallel.
+const MAX_BATCH_BYTES: usize = 1 << 23;
+
+/// Bytes of an event in AEDAT4.
+const BYTES_PER_EVENT: usize = 16;
 
 /// What to import.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,8 +67,7 @@ pub fn import_recording(
         _ => 0,
     };
     let converted = builder.layout.root().join("converted.aedat4");
-    let write = ConversionWriter::create(&converted, &chosen.streams, by_us)?;
-    write.run(format, file, *size)?;
+    convert(|sink| format.read(file, *size, sink), &converted, &chosen.streams, by_us)?;
     let RecordingNotes { left_out, damage, mut decisions } = notes;
     let loss = |what| DataLoss { stream: file_name(file), what, count: 0 };
     let losses = damage.map(loss).into_iter().collect();
@@ -84,57 +89,55 @@ pub fn import_recording(
     adopt(builder, source, &mut |_| {})
 }
 
-/// The file under construction.
-struct ConversionWriter<'a> {
-    writer: Writer<BufWriter<File>>,
+/// Reads a recording and writes its chosen streams to an AEDAT4 file, each on a thread.
+fn convert(
+    read: impl FnOnce(&mut RecordingSink<'_>) -> Result<RecordingNotes, CameraFileError>,
+    path: &Path,
+    streams: &[ChosenStream],
+    by_us: i64,
+) -> Result<(), SessionError> {
+    let spec = |stream: &ChosenStream| StreamSpec {
+        name: stream.source.name.clone(),
+        kind: stream.source.kind.clone(),
+        size: stream.size,
+        source: format!("imported from {}", stream.source.name),
+    };
+    let specs: Vec<StreamSpec> = streams.iter().map(spec).collect();
+    let mut writer = Writer::create(path, Compression::Lz4, &specs)?;
+    let (batches, received) = sync_channel::<Vec<(u32, Content)>>(1);
+    std::thread::scope(|scope| {
+        let writing = scope.spawn(move || -> Result<(), WriteError> {
+            received.into_iter().try_for_each(|batch| writer.write_contents(&batch))?;
+            writer.finish().map(drop)
+        });
+        let pending = vec![Events::new(); streams.len()];
+        let mut gatherer =
+            ContentGatherer { streams, pending, by_us, batch: Vec::new(), n_bytes: 0, batches };
+        let notes = read(&mut |source, content| gatherer.take(source, content));
+        let read = notes.and_then(|_| gatherer.finish());
+        // An error of the writer is the reason why the reader could not go on.
+        writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        Ok(read?)
+    })
+}
+
+/// Gathers the contents of the chosen streams to batches for the writer.
+struct ContentGatherer<'a> {
     streams: &'a [ChosenStream],
     pending: Vec<Events>,
     by_us: i64,
+    batch: Vec<(u32, Content)>,
+    /// Bytes of the batch before compression.
+    n_bytes: usize,
+    batches: SyncSender<Vec<(u32, Content)>>,
 }
 
-impl<'a> ConversionWriter<'a> {
-    fn create(path: &Path, streams: &'a [ChosenStream], by_us: i64) -> Result<Self, SessionError> {
-        let spec = |stream: &ChosenStream| StreamSpec {
-            name: stream.source.name.clone(),
-            kind: stream.source.kind.clone(),
-            size: stream.size,
-            source: format!("imported from {}", stream.source.name),
+impl ContentGatherer<'_> {
+    fn take(&mut self, source: &SourceStream, content: Content) -> Result<(), CameraFileError> {
+        let is_same = |stream: &ChosenStream| {
+            stream.source.name == source.name && stream.source.kind == source.kind
         };
-        let specs: Vec<StreamSpec> = streams.iter().map(spec).collect();
-        let writer = Writer::create(path, Compression::Lz4, &specs)?;
-        Ok(Self { writer, streams, pending: vec![Events::new(); streams.len()], by_us })
-    }
-
-    fn run(
-        mut self,
-        format: CameraFormat,
-        file: &Path,
-        size: Option<Size>,
-    ) -> Result<(), SessionError> {
-        let mut failure = None;
-        let read = format.read(file, size, &mut |source, content| {
-            let place = self.streams.iter().position(|stream| {
-                stream.source.name == source.name && stream.source.kind == source.kind
-            });
-            let Some(place) = place else { return Ok(()) };
-            self.take(place, content).map_err(|error| {
-                let refusal = CameraFileError::Sink(error.to_string());
-                failure = Some(error);
-                refusal
-            })
-        });
-        if let Some(error) = failure {
-            return Err(error.into());
-        }
-        read?;
-        for place in 0..self.streams.len() {
-            self.flush(place)?;
-        }
-        self.writer.finish()?;
-        Ok(())
-    }
-
-    fn take(&mut self, place: usize, content: Content) -> Result<(), WriteError> {
+        let Some(place) = self.streams.iter().position(is_same) else { return Ok(()) };
         match content {
             Content::Events(events) => {
                 let (by, pending) = (self.by_us, &mut self.pending[place]);
@@ -143,21 +146,41 @@ impl<'a> ConversionWriter<'a> {
                     0 => pending.extend_from_slice(events.as_slice()),
                     _ => events.as_slice().iter().for_each(|event| pending.push(moved(event))),
                 }
-                match self.pending[place].len() {
-                    MAX_PENDING_EVENTS.. => self.flush(place),
-                    _ => Ok(()),
+                match pending.len() {
+                    MAX_PENDING_EVENTS.. => self.take_pending(place),
+                    _ => return Ok(()),
                 }
             }
-            other => moved_by(other, self.by_us).write(&mut self.writer, place as u32),
+            other => {
+                self.n_bytes += match &other {
+                    Content::Frame(frame) => frame.samples.len(),
+                    Content::Imu(samples) => size_of_val(samples.as_slice()),
+                    _ => size_of::<Content>(),
+                };
+                self.batch.push((place as u32, moved_by(other, self.by_us)));
+            }
         }
+        if self.n_bytes < MAX_BATCH_BYTES { Ok(()) } else { self.send() }
     }
 
-    fn flush(&mut self, place: usize) -> Result<(), WriteError> {
+    fn take_pending(&mut self, place: usize) {
         let events = std::mem::take(&mut self.pending[place]);
-        match events.len() {
-            0 => Ok(()),
-            _ => self.writer.write_events(place as u32, events.as_slice()),
-        }
+        self.n_bytes += BYTES_PER_EVENT * events.len();
+        self.batch.push((place as u32, Content::Events(events)));
+    }
+
+    fn send(&mut self) -> Result<(), CameraFileError> {
+        self.n_bytes = 0;
+        let ended = |_| CameraFileError::Sink("the writer ended".into());
+        self.batches.send(std::mem::take(&mut self.batch)).map_err(ended)
+    }
+
+    /// Gives what is left; the writer ends.
+    fn finish(mut self) -> Result<(), CameraFileError> {
+        let has_pending = |place: &usize| !self.pending[*place].is_empty();
+        let places: Vec<usize> = (0..self.streams.len()).filter(has_pending).collect();
+        places.into_iter().for_each(|place| self.take_pending(place));
+        self.send()
     }
 }
 

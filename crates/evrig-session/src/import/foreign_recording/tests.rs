@@ -3,6 +3,8 @@
 use super::*;
 use crate::{Session, StreamKind};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
 
 /// An AEDAT 3.1 file: four packets of 100 events, a frame behind each, and an inertial sample.
 fn aedat3() -> Vec<u8> {
