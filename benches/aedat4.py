@@ -91,21 +91,19 @@ def faery_encode(path, compression, out):
     report(start, len(events))
 
 
-def build():
-    command = ["cargo", "bench", "--bench", "aedat4", "--no-run", "--message-format=json"]
+def build(command, name):
+    """Runs cargo and returns the path of the program of that name."""
+    command = ["cargo", *command, "--locked", "--message-format=json"]
     lines = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     artifacts = [json.loads(line) for line in lines.splitlines() if line.startswith("{")]
-    return next(
-        a["executable"] for a in artifacts
-        if a.get("executable") and a["target"]["name"] == "aedat4" and a["target"]["kind"] == ["bench"]
-    )
+    return next(a["executable"] for a in artifacts if a.get("executable") and a["target"]["name"] == name)
 
 
-def environment(folder):
+def environment(folder, packages):
     python = folder / "venv" / "bin" / "python"
     if not python.exists():
         venv.create(folder / "venv", with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "-q", *PACKAGES], check=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", *packages], check=True)
     return str(python)
 
 
@@ -133,7 +131,8 @@ def main():
     arguments = parser.parse_args()
     folder, n_events = arguments.dir, int(arguments.events)
     folder.mkdir(parents=True, exist_ok=True)
-    ours, python = build(), environment(folder)
+    ours = build(["bench", "--bench", "aedat4", "--no-run"], "aedat4")
+    python = environment(folder, PACKAGES)
     theirs = [python, __file__]
     source = folder / "source.aedat4"
     run([ours, "make", ROOT / "tests/data/davis346-street.aedat4", n_events, source])

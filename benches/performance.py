@@ -2,9 +2,9 @@
 
     python3 benches/performance.py [SECTION ...] [--dir DIR] [--disk-seconds 120] [--sink-seconds 1800]
 
-Sections: aedat4, generate, filter, disk, sink; without an argument all of them. The output of a section
-goes between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load and the command. The
-text around the markers is written by hand and kept. The first table of the page has one ratio per line,
+Sections: aedat4, readers, writers, generate, filter, disk, sink; without an argument all of them. The
+output of a section goes between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load
+and the command. The text around the markers is written by hand and kept. The first table of the page has one ratio per line,
 parsed from the output; lines of sections that are not run are kept. DIR (default: the system's temporary
 directory) is where `disk` records: 35 GB in two minutes with LZ4, and as much for the plain copy. If a
 benchmark fails, its section is kept and the exit code is 1.
@@ -28,6 +28,8 @@ def commands(arguments):
     bench = ["cargo", "bench", "--locked", "--bench"]
     return {
         "aedat4": [sys.executable, "benches/aedat4.py", "--events", "20e6", "--repeats", "5"],
+        "readers": [sys.executable, "benches/formats.py", "readers", "--events", "20e6"],
+        "writers": [sys.executable, "benches/formats.py", "writers", "--events", "20e6"],
         "generate": [*bench, "generate", "--", "--table"],
         "filter": [*bench, "filter"],
         "disk": [*bench, "record", "--", "disk", str(arguments.disk_seconds), arguments.dir,
@@ -47,6 +49,15 @@ RATIOS = {
     ] + [
         (f"AEDAT4, {task}", rf"^{task}: (\d+%)", "share of one core's memcpy", "")
         for task in ["decode none", "encode none"]
+    ],
+    "readers": [
+        (f"import of {name}", rf"^\| {name} \| evrig \| ([\d.]+) \|", "Mev/s, session written", aim)
+        for name, aim in [("AEDAT4", "50"), ("npz", ""), ("npy", "50"), ("Parquet", "50"), ("HDF5", "50"),
+                          ("EVT 3.0", "50"), ("MCAP", "50"), ("csv", "10"), ("txt", "10")]
+    ],
+    "writers": [
+        (f"export to {name}", rf"^\| {name} \| evrig \| ([\d.]+) \|", "Mev/s, session read", "")
+        for name in ["AEDAT4", "Parquet", "HDF5", "EVT 3.0", "MCAP", "csv", "txt"]
     ],
     "generate": [
         (f"generator {model}, 346 x 260, one thread",
