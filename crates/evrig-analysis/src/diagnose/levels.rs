@@ -9,8 +9,3 @@ pub(crate) const DOUBT_STANDARD_ERRORS: f64 = 2.0;
 
 /// A gain below this is not named: a likelihood ratio of e in a hundred events.
 pub(crate) const NEGLIGIBLE_NATS_PER_EVENT: f64 = 0.01;
-
-/// Whether a gain with its standard error is large enough for a name, and not by chance.
-pub(crate) fn is_significant((gain, error): (f64, f64)) -> bool {
-    gain > NEGLIGIBLE_NATS_PER_EVENT && gain > SIGNIFICANT_STANDARD_ERRORS * error
-}

@@ -3,7 +3,7 @@
 
 use crate::diagnose::Evidence;
 use crate::diagnose::effect::{LIBRARY, ModelTerm, library_effect};
-use crate::diagnose::levels::{SIGNIFICANT_STANDARD_ERRORS, is_significant};
+use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::{CameraConstant, ConstantPrior};
 use evrig_core::effect_id::EffectId;
@@ -113,17 +113,15 @@ impl EffectCandidate {
         value <= low || value >= high || (least..=most).contains(&natural.abs())
     }
 
-    /// Whether a held-out gain with its standard error suffices for a name.
-    pub(crate) fn is_significant(self, evidence: &Evidence, gain: (f64, f64)) -> bool {
+    /// Whether a held-out gain suffices for a name.
+    pub(crate) fn is_significant(self, evidence: &Evidence, gain: PairedGain) -> bool {
         match self {
             // Statistics of all events have established it.
-            Self::Structural(term) if term.id == EffectId::ApsCoupling => gain.0 > 0.0,
+            Self::Structural(term) if term.id == EffectId::ApsCoupling => gain.mean > 0.0,
             // The ordinary range bounds its size, where no error of the signal between frames pulls
             // it out.
-            Self::Freed(_) if evidence.facts.is_light_dense() => {
-                gain.0 > SIGNIFICANT_STANDARD_ERRORS * gain.1
-            }
-            _ => is_significant(gain),
+            Self::Freed(_) if evidence.facts.is_light_dense() => gain.is_sure(),
+            _ => gain.is_significant(),
         }
     }
 

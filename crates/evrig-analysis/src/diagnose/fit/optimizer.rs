@@ -60,27 +60,6 @@ impl ModelEvaluation {
     }
 }
 
-/// Mean and standard error of the difference of two evaluations on held-out cells, per event.
-pub(crate) fn paired_gain(
-    evidence: &Evidence,
-    a: &ModelEvaluation,
-    b: &ModelEvaluation,
-) -> (f64, f64) {
-    let nb = evidence.blocks.n();
-    let (ca, cb) = (a.cells(evidence), b.cells(evidence));
-    let picked: Vec<(f64, f64)> = (0..ca.len())
-        .filter(|i| evidence.is_held_out(i / nb, i % nb) && ca[*i][1] + cb[*i][1] > 0.0)
-        .map(|i| (ca[i][0] - cb[i][0], ca[i][1]))
-        .collect();
-    let n: f64 = picked.iter().map(|p| p.1).sum();
-    let d: f64 = picked.iter().map(|p| p.0).sum();
-    let mean = d / n.max(1.0);
-    let k = picked.len() as f64;
-    let var: f64 =
-        picked.iter().map(|(d, n)| (d - mean * n).powi(2)).sum::<f64>() * k / (k - 1.0).max(1.0);
-    (mean, var.sqrt() / n.max(1.0))
-}
-
 #[derive(Debug, Clone)]
 pub(crate) struct ModelFit {
     pub(crate) model: CameraModel,

@@ -96,6 +96,19 @@ impl CameraModel {
         Self { spread: Arc::new(spread), ..self.clone() }
     }
 
+    /// Constants at the end of their ordinary ranges, but for the noise.
+    pub(crate) fn extremes<'a>(
+        &'a self,
+        evidence: &'a Evidence,
+    ) -> impl Iterator<Item = CameraConstant> + 'a {
+        let is_extreme = |(constant, range): &&(CameraConstant, [f64; 2])| {
+            *constant != CameraConstant::LogNoise
+                && constant.prior(&evidence.facts).sd > 0.0
+                && range.contains(&self.constant(*constant))
+        };
+        self.limits.iter().filter(is_extreme).map(|(constant, _)| *constant)
+    }
+
     /// Holds a constant at a value.
     pub(crate) fn pin(&mut self, constant: CameraConstant, value: f64) {
         self.free(&[constant]);
@@ -112,11 +125,8 @@ impl CameraModel {
                 *value += self.values[at] - from.values[at];
             }
         }
-        let noise = CameraConstant::LogNoise;
-        let is_ordinary = |(limited, _): &&(CameraConstant, [f64; 2])| *limited == noise;
-        let mut limits = fitted.limits;
-        limits.retain(|(limited, _)| *limited != noise);
-        limits.extend(self.limits.iter().find(is_ordinary));
+        let mut limits = self.limits.clone();
+        limits.retain(|limited| fitted.limits.iter().any(|other| other.0 == limited.0));
         Self { values, limits, effects: fitted.effects, ..self.clone() }
     }
 

@@ -3,6 +3,7 @@
 use crate::diagnose::effect::library_effect;
 use crate::diagnose::fit::intervals::standard_errors;
 use crate::diagnose::fit::optimizer::ModelFit;
+use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::fit::selection::{EffectSelection, held_out, select};
 use crate::diagnose::levels::NEGLIGIBLE_NATS_PER_EVENT;
 use crate::diagnose::model::constants::{CameraConstant, ReportedAs};
@@ -89,7 +90,11 @@ pub fn diagnose(
     let findings = Findings { effects: Vec::new(), baseline, errors };
     let mut result =
         conclude(evidence, &sensor, departures, findings, &found, (bare, verdict, before));
-    result.diagnosis.rejected_effects = effects.into_iter().map(rejected_effect).collect();
+    // Statistics of all events may have established one all the same.
+    let is_unnamed =
+        |effect: &FittedEffect| result.diagnosis.effects.iter().all(|named| named.id != effect.id);
+    result.diagnosis.rejected_effects =
+        effects.into_iter().filter(is_unnamed).map(rejected_effect).collect();
     result
 }
 
@@ -123,7 +128,7 @@ impl ModelScores {
 fn conclude(
     evidence: &Evidence,
     sensor: &SensorWideStatistics<'_>,
-    departures: Vec<(&Departure, (f64, f64))>,
+    departures: Vec<(&Departure, PairedGain)>,
     findings: Findings,
     found: &EffectSelection,
     (scored, verdict, mut before): (ModelScores, DiagnosisVerdict, GoodnessOfFit),
@@ -132,7 +137,7 @@ fn conclude(
     let mut after = found.goodness.clone();
     let share = scored.share_removed();
     let ModelScores { low, high, upper_bound, .. } = scored;
-    let of_events = sensor.departures.iter().map(|departure| (departure, (0.0, 0.0)));
+    let of_events = sensor.departures.iter().map(|departure| (departure, PairedGain::default()));
     let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
     let effects = with_departures(departures.into_iter().chain(of_events), named);
     let deficit = sensor.isolated_events.as_ref();
@@ -219,7 +224,7 @@ fn structure_report(
 
 /// Adds the effects that frames and sensor-wide statistics show; fitted ones take precedence.
 fn with_departures<'a>(
-    departures: impl Iterator<Item = (&'a Departure, (f64, f64))>,
+    departures: impl Iterator<Item = (&'a Departure, PairedGain)>,
     named: Vec<FittedEffect>,
 ) -> Vec<FittedEffect> {
     let mut effects: Vec<FittedEffect> =

@@ -5,7 +5,8 @@
 //! signal as stated.
 
 use crate::diagnose::effect::library_effect;
-use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit, paired_gain};
+use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit};
+use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::{ConfidenceInterval, Evidence, FittedEffect};
 use evrig_core::drive::{Drive, TimeGrid};
 use evrig_core::effect_id::EffectId;
@@ -55,7 +56,7 @@ pub(crate) fn gains(
     evidence: &Evidence,
     departures: &[Departure],
     baseline: &ModelFit,
-) -> (Option<ModelFit>, Vec<(f64, f64)>) {
+) -> (Option<ModelFit>, Vec<PairedGain>) {
     let refitted = |departure: &Departure| {
         let mut without = departure.without.clone()?;
         // Hot pixels are left out.
@@ -68,7 +69,7 @@ pub(crate) fn gains(
         let with = fits[i + 1..].iter().flatten().next().unwrap_or(baseline);
         let gained = fits[i]
             .as_ref()
-            .map(|without| paired_gain(evidence, &with.evaluation, &without.evaluation));
+            .map(|without| PairedGain::of(evidence, &with.evaluation, &without.evaluation));
         gained.unwrap_or_default()
     };
     let gains = (0..fits.len()).map(gain).collect();
@@ -83,7 +84,7 @@ pub(crate) fn upper_tail_probability(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
-pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> FittedEffect {
+pub(crate) fn effect_of(departure: &Departure, gain: PairedGain) -> FittedEffect {
     let interval = |&(key, estimate): &(&'static str, [f64; 2])| {
         (key.to_owned(), ConfidenceInterval::normal(estimate))
     };
@@ -94,8 +95,8 @@ pub(crate) fn effect_of(departure: &Departure, (gain, error): (f64, f64)) -> Fit
         equation: equation.into(),
         description: departure.description.clone(),
         parameters: departure.parameters.iter().map(interval).collect::<BTreeMap<_, _>>(),
-        heldout_gain_nats_per_event: gain,
-        heldout_gain_error: error,
+        heldout_gain_nats_per_event: gain.mean,
+        heldout_gain_error: gain.error,
         p_value: upper_tail_probability(departure.z),
         indistinguishable: Vec::new(),
         competing_hypotheses: Vec::new(),

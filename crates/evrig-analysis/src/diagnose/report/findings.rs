@@ -3,9 +3,9 @@
 use crate::diagnose::effect::{ModelTerm, library_effect};
 use crate::diagnose::fit::candidate::EffectCandidate;
 use crate::diagnose::fit::intervals::standard_errors;
-use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit, paired_gain};
+use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit};
+use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::fit::selection::EffectSelection;
-use crate::diagnose::levels::is_significant;
 use crate::diagnose::model::constants::CameraConstant;
 use crate::diagnose::report::departure::upper_tail_probability;
 use crate::diagnose::{CompetingHypothesis, ConfidenceInterval, Evidence, FittedEffect, LIBRARY};
@@ -27,8 +27,8 @@ impl Findings {
         let mut baseline = found.calibrated.clone();
         if found.spread_ci[1] > MAX_ORDINARY_SPREAD {
             let without = with_ordinary_spread(evidence, &found.fit);
-            let gain = paired_gain(evidence, &found.fit.evaluation, &without.evaluation);
-            if is_significant(gain) {
+            let gain = PairedGain::of(evidence, &found.fit.evaluation, &without.evaluation);
+            if gain.is_significant() {
                 let id = EffectId::ThresholdMismatch;
                 effects.push(constant_effect(evidence, found, &errors, id, gain));
                 baseline = with_ordinary_spread(evidence, &baseline);
@@ -73,7 +73,7 @@ fn fitted_effect(
     evidence: &Evidence,
     id: EffectId,
     parameters: Vec<(&'static str, ConfidenceInterval)>,
-    (gain, error): (f64, f64),
+    gain: PairedGain,
 ) -> FittedEffect {
     let candidate = library_effect(id);
     let values: Vec<f64> = parameters.iter().map(|(_, p)| p.value).collect();
@@ -82,15 +82,15 @@ fn fitted_effect(
     if evidence.facts.clock_tie.is_none() {
         indistinguishable.extend(candidate.map_or(&[][..], |c| c.inseparable));
     }
-    let p_value = (upper_tail_probability(gain / error) * LIBRARY.len() as f64).min(1.0);
+    let p_value = (upper_tail_probability(gain.standard_errors()) * LIBRARY.len() as f64).min(1.0);
     FittedEffect {
         id,
         name: id.name().into(),
         equation: candidate.map_or("", |c| c.equation).into(),
         description: described,
         parameters: parameters.into_iter().map(|(key, p)| (key.to_owned(), p)).collect(),
-        heldout_gain_nats_per_event: gain,
-        heldout_gain_error: error,
+        heldout_gain_nats_per_event: gain.mean,
+        heldout_gain_error: gain.error,
         p_value,
         indistinguishable,
         competing_hypotheses: Vec::new(),
@@ -105,7 +105,7 @@ fn accepted(
     index: usize,
 ) -> FittedEffect {
     let step = &found.steps[index];
-    let gain = (step.gain, step.error);
+    let gain = step.gain;
     let mut effect = match step.candidate {
         EffectCandidate::Structural(own) => fitted_effect(
             evidence,
@@ -123,10 +123,11 @@ fn accepted(
     effect.competing_hypotheses = step
         .others
         .iter()
-        .map(|(id, gain, _)| CompetingHypothesis { id: *id, heldout_gain_nats_per_event: *gain })
+        .map(|(id, gain)| CompetingHypothesis { id: *id, heldout_gain_nats_per_event: gain.mean })
         .collect();
-    let near = step.others.iter().filter(|(_, gain, error)| {
-        step.gain - gain < 2.0 * step.error.hypot(*error) && *gain > 0.5 * step.gain
+    let near = step.others.iter().filter(|(_, other)| {
+        let error = gain.error.hypot(other.error);
+        gain.mean - other.mean < 2.0 * error && other.mean > 0.5 * gain.mean
     });
     effect.indistinguishable.extend(near.map(|(id, ..)| *id));
     effect
@@ -161,7 +162,7 @@ fn constant_effect(
     found: &EffectSelection,
     errors: &[f64],
     id: EffectId,
-    gain: (f64, f64),
+    gain: PairedGain,
 ) -> FittedEffect {
     use CameraConstant as C;
     let facts = &evidence.facts;
