@@ -74,7 +74,9 @@ pub fn diagnose(
     let departures: Vec<_> = departures.iter().zip(gains).collect();
     let all = ModelScores::of(evidence, low, &before, &found);
     let verdict = verdict(findings.effects.is_empty(), all.share_removed(), &found.goodness);
-    if verdict.names_effects() || findings.effects.is_empty() {
+    // Statistics of all events have established the bursts, whatever a test of the rest says.
+    let is_established = |effect: &FittedEffect| effect.id == EffectId::ApsCoupling;
+    if verdict.names_effects() || findings.effects.iter().all(is_established) {
         return conclude(evidence, &sensor, departures, findings, &found, (all, verdict, before));
     }
     // What is not named is not in the final model either.
@@ -90,7 +92,6 @@ pub fn diagnose(
     let findings = Findings { effects: Vec::new(), baseline, errors };
     let mut result =
         conclude(evidence, &sensor, departures, findings, &found, (bare, verdict, before));
-    // Statistics of all events may have established one all the same.
     let is_unnamed =
         |effect: &FittedEffect| result.diagnosis.effects.iter().all(|named| named.id != effect.id);
     result.diagnosis.rejected_effects =
