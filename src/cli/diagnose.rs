@@ -1,6 +1,7 @@
 //! `evrig diagnose`.
 
 use clap::{Args, ValueEnum};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Source of the log-intensity signal of the event pixels.
@@ -42,7 +43,7 @@ pub struct DiagnoseArgs {
 
     /// Pixels to evaluate; more where they hold few events [default: 120]
     #[arg(long, value_name = "N")]
-    pub pixels: Option<usize>,
+    pub pixels: Option<NonZeroUsize>,
 
     /// Seed of all draws
     #[arg(long, default_value_t = 0)]

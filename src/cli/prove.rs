@@ -1,6 +1,7 @@
 //! `evrig prove`.
 
 use clap::Args;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// Arguments of `evrig prove`.
@@ -64,7 +65,7 @@ pub struct ProveArgs {
 
     /// Pixels that a diagnosis evaluates; more where they hold few events [default: 120]
     #[arg(long, value_name = "N")]
-    pub pixels: Option<usize>,
+    pub pixels: Option<NonZeroUsize>,
 
     /// Time limit of a diagnosis, seconds; a stopped one counts as none [default: 1800]
     #[arg(long, value_name = "S")]

@@ -6,6 +6,7 @@ use crate::cli::{BaselineChoice, DiagnoseArgs};
 use crate::pipeline::{self, Baseline, BaselineKind, DiagnoseRequest, PipelineProgress};
 use evrig_analysis::diagnose::{Diagnosis, DiagnosisOptions, DiagnosisVerdict};
 use evrig_session::Session;
+use std::num::NonZeroUsize;
 
 pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending> {
     let session = Session::open(&args.session)?;
@@ -15,7 +16,7 @@ pub(super) fn run(args: &DiagnoseArgs, output: &Output) -> anyhow::Result<Ending
         real: args.real.clone(),
         baseline,
         options: DiagnosisOptions {
-            n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
+            n_pixels: args.pixels.map_or(defaults.n_pixels, NonZeroUsize::get),
             seed: args.seed,
             ..defaults
         },

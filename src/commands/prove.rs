@@ -10,6 +10,7 @@ use anyhow::Context;
 use evrig_analysis::diagnose::DiagnosisOptions;
 use evrig_core::time::Span;
 use serde_json::json;
+use std::num::NonZeroUsize;
 use std::time::Duration;
 
 /// Shortest session that covers every direction of a circle, seconds.
@@ -79,7 +80,7 @@ fn plan(args: &ProveArgs) -> anyhow::Result<PlannedProof> {
     let defaults = DiagnosisOptions::default();
     let options = DiagnosisOptions {
         seed: args.seed,
-        n_pixels: args.pixels.unwrap_or(defaults.n_pixels),
+        n_pixels: args.pixels.map_or(defaults.n_pixels, NonZeroUsize::get),
         ..defaults
     };
     let family = trials.family();
