@@ -4,10 +4,10 @@
 
 Sections: aedat4, readers, writers, generate, filter, disk, sink; without an argument all of them. The
 output of a section goes between `<!-- measured: NAME -->` and `<!-- end -->`, with the machine, its load
-and the command. The text around the markers is written by hand and kept. The first table of the page has one ratio per line,
-parsed from the output; lines of sections that are not run are kept. DIR (default: the system's temporary
-directory) is where `disk` records: 35 GB in two minutes with LZ4, and as much for the plain copy. If a
-benchmark fails, its section is kept and the exit code is 1.
+and the command. The text around the markers is written by hand and kept. The first table of the page has
+one ratio per line, parsed from the output; lines of sections that are not run are kept. DIR (default: the
+system's temporary directory) is where `disk` records: 35 GB in two minutes with LZ4, and as much for the
+plain copy. If a benchmark fails, its section is kept and the exit code is 1.
 """
 
 import argparse

@@ -38,6 +38,7 @@ mod table;
 mod writer;
 
 pub use compression::Compression;
+pub use encode::EVENT_BYTES;
 pub use error::{FilePosition, ReadError, WriteError};
 pub use reader::Reader;
 pub use writer::{WriteSummary, Writer};
@@ -47,6 +48,7 @@ use evrig_core::frame::Frame;
 use evrig_core::geometry::Size;
 use evrig_core::imu::{ImuSample, Trigger};
 use evrig_core::time::Davis;
+use outgoing::PacketInput;
 
 /// Largest packet, compressed or not, that is read or written: 256 MiB, 16 million events.
 pub const MAX_PACKET_BYTES: usize = 1 << 28;
@@ -176,13 +178,7 @@ impl Content {
         writer: &mut Writer<impl std::io::Write>,
         stream: u32,
     ) -> Result<(), WriteError> {
-        match self {
-            Self::Events(events) => writer.write_events(stream, events.as_slice()),
-            Self::Frame(frame) => writer.write_frame(stream, frame),
-            Self::Imu(samples) => writer.write_imu(stream, samples),
-            Self::Triggers(marks) => writer.write_triggers(stream, marks),
-            Self::Unknown { .. } => Ok(()),
-        }
+        writer.write_all(PacketInput::of(self).map(|input| (stream, input)))
     }
 }
 

@@ -72,28 +72,25 @@ impl StreamCounts {
     }
 
     fn add(&mut self, t_us: i64) {
-        self.epochs.push(t_us);
-        if let Some(last) = self.last_us {
-            self.n_disordered += u64::from(t_us < last);
-            self.longest_gap_us = self.longest_gap_us.max(t_us.saturating_sub(last));
-        }
-        self.first_us.get_or_insert(t_us);
-        self.last_us = Some(t_us);
-        self.count += 1;
+        self.add_stamps(&[t_us]);
     }
 
-    fn add_events(&mut self, events: EventSlice<'_>) {
-        let (Some(&first), Some(&last)) = (events.t.first(), events.t.last()) else { return };
-        self.epochs.extend(events.t);
+    fn add_stamps(&mut self, stamps: &[i64]) {
+        let (Some(&first), Some(&last)) = (stamps.first(), stamps.last()) else { return };
+        self.epochs.extend(stamps);
         let before = self.last_us.unwrap_or(first);
-        let pairs = events.t.windows(2).map(|pair| (pair[0], pair[1]));
+        let pairs = stamps.windows(2).map(|pair| (pair[0], pair[1]));
         for (earlier, later) in std::iter::once((before, first)).chain(pairs) {
             self.n_disordered += u64::from(later < earlier);
             self.longest_gap_us = self.longest_gap_us.max(later.saturating_sub(earlier));
         }
         self.first_us.get_or_insert(first);
         self.last_us = Some(last);
-        self.count += events.len() as u64;
+        self.count += stamps.len() as u64;
+    }
+
+    fn add_events(&mut self, events: EventSlice<'_>) {
+        self.add_stamps(events.t);
         self.n_on += events.count_on() as u64;
         self.n_outside += self.size.map_or(0, |size| events.count_outside(size) as u64);
     }

@@ -121,6 +121,12 @@ pub(crate) fn library_effect(id: EffectId) -> Option<&'static LibraryEffect> {
     LIBRARY.iter().copied().find(|effect| effect.id == id)
 }
 
+/// Whether statistics of all events establish an effect before any light is known, so that no test of
+/// the model's fit to that light decides on it: bursts that follow the camera's own frames.
+pub(crate) fn is_established_without_light(id: EffectId) -> bool {
+    id == EffectId::ApsCoupling
+}
+
 fn needs_surroundings(evidence: &Evidence) -> Result<(), String> {
     if evidence.facts.from_scene {
         Ok(())

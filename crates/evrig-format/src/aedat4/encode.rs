@@ -25,17 +25,20 @@ const EVENTS_HEAD: [u8; 32] = [
     8, 0, 4, 0, 6, 0, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0,
 ];
 
+/// Bytes of an event, without compression.
+pub const EVENT_BYTES: usize = 16;
+
 /// Writes an event packet to `out`, from the byte `at`, and returns its end; `out` grows as
 /// needed and is never shrunk. Coordinates must be below 32,768.
 pub(super) fn events(events: EventSlice<'_>, out: &mut Vec<u8>, at: usize) -> usize {
     let start = at + EVENTS_HEAD.len();
-    let end = start + 16 * events.len();
+    let end = start + EVENT_BYTES * events.len();
     grow(out, end);
     let head = &mut out[at..start];
     head.copy_from_slice(&EVENTS_HEAD);
     head[..4].copy_from_slice(&((end - at - 4) as u32).to_le_bytes());
     head[28..].copy_from_slice(&(events.len() as u32).to_le_bytes());
-    let (cells, _) = out[start..end].as_chunks_mut::<16>();
+    let (cells, _) = out[start..end].as_chunks_mut::<EVENT_BYTES>();
     let coordinates = events.x.iter().zip(events.y).zip(events.on);
     for ((cell, &t), ((&x, &y), &on)) in cells.iter_mut().zip(events.t).zip(coordinates) {
         let low = u128::from(t as u64);

@@ -2,7 +2,7 @@
 
 use super::compression::{Compression, compress, with_scratch};
 use super::cut::cut_into_packets;
-use super::{PayloadKind, encode};
+use super::{Content, PayloadKind, encode};
 use evrig_core::event::EventSlice;
 use evrig_core::frame::Frame;
 use evrig_core::imu::{ImuSample, Trigger};
@@ -28,6 +28,17 @@ pub(super) enum PacketInput<'a> {
 }
 
 impl<'a> PacketInput<'a> {
+    /// A content; none of an unknown kind.
+    pub(super) fn of(content: &'a Content) -> Option<Self> {
+        Some(match content {
+            Content::Events(events) => Self::Events(events.as_slice()),
+            Content::Frame(frame) => Self::Frame(frame),
+            Content::Imu(samples) => Self::Imu(samples),
+            Content::Triggers(marks) => Self::Triggers(marks),
+            Content::Unknown { .. } => return None,
+        })
+    }
+
     /// The kind of the stream, and a word for it.
     pub(super) fn kind(self) -> (PayloadKind, &'static str) {
         match self {
@@ -66,8 +77,8 @@ impl<'a> PacketInput<'a> {
     pub(super) fn cut(self) -> Vec<Self> {
         match self {
             Self::Events(events) => {
-                let run = |[start, end]: [usize; 2]| Self::Events(events.range(start, end));
-                cut_into_packets(events).into_iter().map(run).collect()
+                let part = |[start, end]: [usize; 2]| Self::Events(events.range(start, end));
+                cut_into_packets(events).into_iter().map(part).collect()
             }
             Self::Frame(_) => vec![self],
             Self::Imu(samples) => samples.chunks(SAMPLE_PACKET_LENGTH).map(Self::Imu).collect(),

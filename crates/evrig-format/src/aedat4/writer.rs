@@ -207,20 +207,15 @@ impl<W: Write> Writer<W> {
     /// [`WriteError`] when a stream carries something else, AEDAT4 cannot hold a content, or writing
     /// fails; nothing is written where one is refused.
     pub fn write_contents(&mut self, contents: &[(u32, Content)]) -> Result<(), WriteError> {
-        self.write_all(contents.iter().filter_map(|(stream, content)| {
-            let input = match content {
-                Content::Events(events) => PacketInput::Events(events.as_slice()),
-                Content::Frame(frame) => PacketInput::Frame(frame),
-                Content::Imu(samples) => PacketInput::Imu(samples),
-                Content::Triggers(marks) => PacketInput::Triggers(marks),
-                Content::Unknown { .. } => return None,
-            };
-            Some((*stream, input))
-        }))
+        self.write_all(
+            contents.iter().filter_map(|(stream, content)| {
+                PacketInput::of(content).map(|input| (*stream, input))
+            }),
+        )
     }
 
     /// Checks contents and writes their packets, several of a compressed file in parallel.
-    fn write_all<'a>(
+    pub(super) fn write_all<'a>(
         &mut self,
         contents: impl IntoIterator<Item = (u32, PacketInput<'a>)>,
     ) -> Result<(), WriteError> {

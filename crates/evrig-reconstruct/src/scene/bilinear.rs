@@ -34,7 +34,7 @@ impl BilinearWeights {
 
 /// The two neighbours among `n` pixels, and the distance from the first.
 #[inline]
-fn neighbours(at: f32, n: usize) -> ([usize; 2], f32) {
+pub(super) fn neighbours(at: f32, n: usize) -> ([usize; 2], f32) {
     let inside = at.clamp(0.0, (n - 1) as f32);
     // A cast truncates inline; `floor` would be a function call for every look-up.
     let first = inside as usize;

@@ -1,5 +1,6 @@
 //! Cubic convolution on an image.
 
+use super::bilinear;
 use super::frame_view::FrameView;
 
 /// Weights of four neighbours at a distance from the second (Keys, IEEE Trans. ASSP 29, 1981,
@@ -16,10 +17,8 @@ fn weights(u: f32) -> [f32; 4] {
 
 /// The four pixels around a position among `n`, and their weights; clamped beyond the border.
 fn neighbours(at: f32, n: usize) -> ([usize; 4], [f32; 4]) {
-    let inside = at.clamp(0.0, (n - 1) as f32);
-    let first = inside as usize;
-    let index = |i: usize| (first + i).saturating_sub(1).min(n - 1);
-    ([0, 1, 2, 3].map(index), weights(inside - first as f32))
+    let ([first, second], u) = bilinear::neighbours(at, n);
+    ([first.saturating_sub(1), first, second, (first + 2).min(n - 1)], weights(u))
 }
 
 /// The value at a position in pixels from the middle of the first pixel; the nearest pixel's where an

@@ -168,7 +168,8 @@ impl FramesDrive {
         &self.times_us
     }
 
-    /// Bilinear weights at a position; None outside the outermost pixel centres.
+    /// Bilinear weights at a position; None outside the outermost pixel centres, and with motion
+    /// within half a patch of them.
     fn corners(&self, place: [f64; 2]) -> Option<BilinearWeights> {
         let [x, y] = place.map(|p| p - 0.5);
         let [right, bottom] = [self.size.width, self.size.height].map(|n| f64::from(n) - 1.0);
@@ -181,12 +182,19 @@ impl FramesDrive {
 
     /// Interpolated log intensity of a frame; `NaN` where a neighbour is saturated.
     fn log_intensity(&self, frame: usize, corners: &BilinearWeights) -> f32 {
-        let values = self.view(frame).values;
-        if corners.max_value(values) >= self.saturated {
-            f32::NAN
-        } else {
-            corners.value(values).ln()
-        }
+        self.log_unless_saturated(frame, corners, |view| corners.value(view.values))
+    }
+
+    /// Logarithm of an intensity between the pixels of a frame; `NaN` where one of them is saturated.
+    fn log_unless_saturated(
+        &self,
+        frame: usize,
+        corners: &BilinearWeights,
+        intensity: impl FnOnce(FrameView<'_>) -> f32,
+    ) -> f32 {
+        let view = self.view(frame);
+        let is_saturated = corners.max_value(view.values) >= self.saturated;
+        if is_saturated { f32::NAN } else { intensity(view).ln() }
     }
 
     fn frame_noise(&self) -> &PixelNoise {
@@ -216,11 +224,8 @@ impl AlongFlow<'_> {
         let shift = best_shift(views, self.place, share, shifts, self.noise);
         let [from, to] = flow_ends(self.place, share, shift);
         let log_intensity = |k: usize, end| {
-            if views[k].corners(end).max_value(views[k].values) >= self.drive.saturated {
-                f32::NAN
-            } else {
-                cubic(views[k], end).ln()
-            }
+            let corners = views[k].corners(end);
+            self.drive.log_unless_saturated(self.frame + k, &corners, |view| cubic(view, end))
         };
         let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
         before + (after - before) * share

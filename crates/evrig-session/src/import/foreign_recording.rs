@@ -14,7 +14,7 @@ use crate::{DataLoss, Manifest, Origin, SessionError};
 use choice::{ChosenStream, StreamSurvey};
 use evrig_core::event::{Event, Events};
 use evrig_core::geometry::Size;
-use evrig_format::aedat4::{Compression, Content, StreamSpec, WriteError, Writer};
+use evrig_format::aedat4::{Compression, Content, EVENT_BYTES, StreamSpec, WriteError, Writer};
 use evrig_format::{CameraFileError, RecordingNotes, RecordingSink, SourceStream};
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -26,9 +26,6 @@ const MAX_PENDING_EVENTS: usize = 1 << 15;
 /// Events and frames that are given to the writer at once: 16 of its packets, which it compresses in
 /// parallel.
 const MAX_BATCH_BYTES: usize = 1 << 23;
-
-/// Bytes of an event in AEDAT4.
-const BYTES_PER_EVENT: usize = 16;
 
 /// What to import.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,7 +162,7 @@ impl ContentGatherer<'_> {
 
     fn take_pending(&mut self, place: usize) {
         let events = std::mem::take(&mut self.pending[place]);
-        self.n_bytes += BYTES_PER_EVENT * events.len();
+        self.n_bytes += EVENT_BYTES * events.len();
         self.batch.push((place as u32, Content::Events(events)));
     }
 

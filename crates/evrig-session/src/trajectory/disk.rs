@@ -2,6 +2,7 @@
 
 use super::ToolPath;
 use crate::rig::{CameraDescription, Rig};
+use evrig_format::aedat4::EVENT_BYTES;
 use serde::Serialize;
 
 /// Events per second of a plan while the arm moves. A budget, not a prediction: the
@@ -9,8 +10,6 @@ use serde::Serialize;
 const MOVING_EVENTS_PER_S: f64 = 2e6;
 /// Events per second of a plan while the arm rests: leak, noise, flicker.
 const RESTING_EVENTS_PER_S: f64 = 1e5;
-/// An event in AEDAT4 before compression.
-const BYTES_PER_EVENT: f64 = 16.0;
 /// Samples of the DAVIS's inertial unit: about 1 kHz, about 60 bytes each in AEDAT4.
 const IMU_BYTES_PER_S: f64 = 60_000.0;
 /// A pose with its times and record head in MCAP.
@@ -48,9 +47,9 @@ pub(super) fn stream_sizes(path: &ToolPath, rig: &Rig) -> Vec<StreamSize> {
     let mut sizes = vec![
         StreamSize {
             stream: "events",
-            bytes: (n_events * BYTES_PER_EVENT) as u64,
+            bytes: (n_events * EVENT_BYTES as f64) as u64,
             basis: format!(
-                "a budget of {:.1} M events/s while moving, {:.1} M at rest, {BYTES_PER_EVENT} \
+                "a budget of {:.1} M events/s while moving, {:.1} M at rest, {EVENT_BYTES} \
                  bytes each",
                 MOVING_EVENTS_PER_S * 1e-6,
                 RESTING_EVENTS_PER_S * 1e-6

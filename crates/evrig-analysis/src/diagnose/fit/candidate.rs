@@ -2,7 +2,7 @@
 //! range.
 
 use crate::diagnose::Evidence;
-use crate::diagnose::effect::{LIBRARY, ModelTerm, library_effect};
+use crate::diagnose::effect::{LIBRARY, ModelTerm, is_established_without_light, library_effect};
 use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::model::camera_model::CameraModel;
 use crate::diagnose::model::constants::{CameraConstant, ConstantPrior};
@@ -116,8 +116,7 @@ impl EffectCandidate {
     /// Whether a held-out gain suffices for a name.
     pub(crate) fn is_significant(self, evidence: &Evidence, gain: PairedGain) -> bool {
         match self {
-            // Statistics of all events have established it.
-            Self::Structural(term) if term.id == EffectId::ApsCoupling => gain.mean > 0.0,
+            Self::Structural(term) if is_established_without_light(term.id) => gain.mean > 0.0,
             // The ordinary range bounds its size, where no error of the signal between frames pulls
             // it out.
             Self::Freed(_) if evidence.facts.is_light_dense() => gain.is_sure(),

@@ -37,6 +37,7 @@ impl CoarsePixels {
         self.fit_from(wide_start(&self.evidence, start))
     }
 
+    /// The same from a stated start.
     pub(super) fn fit_from(&self, mut wide: CameraModel) -> ModelFit {
         let part = &self.evidence;
         wide.pin(CameraConstant::LogNoise, WIDE_NOISE.ln());
@@ -59,6 +60,12 @@ impl CoarsePixels {
     }
 }
 
+/// A model's effects and freed constants with the other constants at their prior means and equal
+/// thresholds.
+pub(super) fn at_prior_means(part: &Evidence, model: &CameraModel) -> CameraModel {
+    model.with_constants_of(&CameraModel::baseline(part)).for_pixels(part)
+}
+
 /// A fit to all pixels from that to a part of them.
 pub(super) fn refined(evidence: &Evidence, coarse: ModelFit) -> ModelFit {
     fit(evidence, coarse.model.for_pixels(evidence), N_STEPS[1], FitTolerance::Coarse)
@@ -68,13 +75,13 @@ pub(super) fn refined(evidence: &Evidence, coarse: ModelFit) -> ModelFit {
 /// frames the likelihood has several maxima in time.
 const START_OFFSETS: [f64; 3] = [-1.0, 0.0, 1.0];
 
-/// A model's effects and freed constants with the other constants at their prior means, but for the
-/// threshold, the offset and a wide noise, which are fitted: the best of several starts.
+/// A model at prior means, but for the threshold, the offset and a wide noise, which are fitted: the
+/// best of several starts.
 fn wide_start(part: &Evidence, model: &CameraModel) -> CameraModel {
     const FITTED: [CameraConstant; 3] =
         [CameraConstant::LogTheta, CameraConstant::LogNoise, CameraConstant::OffsetUs];
     let active = FITTED.map(|constant| constant as usize).to_vec();
-    let mut plain = model.with_constants_of(&CameraModel::baseline(part)).for_pixels(part);
+    let mut plain = at_prior_means(part, model);
     plain.values[CameraConstant::LogNoise as usize] = WIDE_NOISE.ln();
     let offsets = if plain.is_limited(CameraConstant::OffsetUs) {
         START_OFFSETS.map(|offset| offset * part.facts.offset_bound_us).to_vec()

@@ -2,7 +2,7 @@
 
 use crate::diagnose::Evidence;
 use crate::diagnose::fit::candidate::EffectCandidate;
-use crate::diagnose::fit::coarse_pixels::{CoarsePixels, N_STEPS, WIDE_NOISE};
+use crate::diagnose::fit::coarse_pixels::{CoarsePixels, N_STEPS, WIDE_NOISE, at_prior_means};
 use crate::diagnose::fit::optimizer::{FitTolerance, ModelFit, fit};
 use crate::diagnose::fit::paired_gain::PairedGain;
 use crate::diagnose::fit::profile::fit_profile;
@@ -51,17 +51,24 @@ fn scan_all(
     scanned
 }
 
+/// Candidates that are better than a model as they are, the best ones.
+fn reached(
+    part: &Evidence,
+    base: &CameraModel,
+) -> impl Iterator<Item = (EffectCandidate, CameraModel)> {
+    let scanned = scan_all(part, &ScoreScan::new(part, base), base).into_iter();
+    let is_reached = |(gain, ..): &(ScanGain, _, _)| matches!(gain, ScanGain::Reached(_));
+    scanned.filter(is_reached).take(N_CANDIDATES[1]).map(|(_, candidate, trial)| (candidate, trial))
+}
+
 /// Starts for the fits of this round: candidates that are better as they are, and those that a
 /// search with a wide noise finds.
 fn starts(coarse: &CoarsePixels, now: &ModelFit) -> Vec<(EffectCandidate, CameraModel)> {
     let part = &coarse.evidence;
     let wide = coarse.widened(&now.model);
     let base = now.model.thinned(coarse.n);
-    let near = scan_all(part, &ScoreScan::new(part, &base), &base);
-    let reached = near.into_iter().filter(|(gain, ..)| matches!(gain, ScanGain::Reached(_)));
-    let mut found: Vec<(EffectCandidate, CameraModel)> = reached
-        .take(N_CANDIDATES[1])
-        .map(|(_, candidate, trial)| {
+    let mut found: Vec<(EffectCandidate, CameraModel)> = reached(part, &base)
+        .map(|(candidate, trial)| {
             let own = candidate.own(&trial);
             (candidate, now.model.moved_as(&base, trial, &own))
         })
@@ -100,16 +107,13 @@ fn in_place_of(
     for constant in extremes {
         without.values[*constant as usize] = constant.prior(&part.facts).mean;
     }
-    let scanned = scan_all(part, &ScoreScan::new(part, &without), &without);
-    let reached = scanned.into_iter().filter(|(gain, ..)| matches!(gain, ScanGain::Reached(_)));
-    let fitted = |(_, candidate, trial): (ScanGain, EffectCandidate, CameraModel)| {
+    let fitted = |(candidate, trial): (EffectCandidate, CameraModel)| {
         let own = candidate.own(&trial);
-        let mut start = now.model.moved_as(&base, trial, &own);
-        start = start.with_constants_of(&CameraModel::baseline(part)).for_pixels(part);
+        let mut start = at_prior_means(part, &now.model.moved_as(&base, trial, &own));
         start.values[CameraConstant::LogTheta as usize] = base.constant(CameraConstant::LogTheta);
         (candidate, now.model.moved_as(&base, coarse.fit_from(start).model, &own))
     };
-    reached.take(N_CANDIDATES[1]).map(fitted).collect()
+    reached(part, &without).map(fitted).collect()
 }
 
 /// The search in each round of a selection.
@@ -131,7 +135,9 @@ impl<'a> EffectSearch<'a> {
         let near = starts(self.coarse, now).into_iter();
         let mut tried: Vec<FittedCandidate> =
             near.filter_map(|start| self.fitted(now, &scan, start, true)).collect();
-        let extremes: Vec<CameraConstant> = now.model.extremes(self.evidence).collect();
+        let mut extremes = now.model.at_range_end(self.evidence);
+        // The search has a wide noise of its own.
+        extremes.retain(|constant| *constant != CameraConstant::LogNoise);
         if extremes.iter().any(|constant| !self.replaced.contains(constant)) {
             let far = in_place_of(&extremes, self.coarse, now).into_iter();
             tried.extend(far.filter_map(|start| self.fitted(now, &scan, start, false)));

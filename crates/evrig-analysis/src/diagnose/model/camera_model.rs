@@ -96,17 +96,15 @@ impl CameraModel {
         Self { spread: Arc::new(spread), ..self.clone() }
     }
 
-    /// Constants at the end of their ordinary ranges, but for the noise.
-    pub(crate) fn extremes<'a>(
-        &'a self,
-        evidence: &'a Evidence,
-    ) -> impl Iterator<Item = CameraConstant> + 'a {
-        let is_extreme = |(constant, range): &&(CameraConstant, [f64; 2])| {
-            *constant != CameraConstant::LogNoise
-                && constant.prior(&evidence.facts).sd > 0.0
-                && range.contains(&self.constant(*constant))
+    /// Fitted constants at an end of the range in which they are held.
+    pub(crate) fn at_range_end(&self, evidence: &Evidence) -> Vec<CameraConstant> {
+        let coordinates = self.coordinates(evidence);
+        let is_held = |c: &CameraConstant| {
+            let FitCoordinate { sd, range: [low, high], .. } = coordinates[*c as usize];
+            let value = self.constant(*c);
+            sd > 0.0 && (value <= low || value >= high)
         };
-        self.limits.iter().filter(is_extreme).map(|(constant, _)| *constant)
+        CameraConstant::ALL.iter().copied().filter(is_held).collect()
     }
 
     /// Holds a constant at a value.

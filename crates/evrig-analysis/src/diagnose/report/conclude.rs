@@ -1,6 +1,6 @@
 //! From a selection of effects to the reported diagnosis.
 
-use crate::diagnose::effect::library_effect;
+use crate::diagnose::effect::{is_established_without_light, library_effect};
 use crate::diagnose::fit::intervals::standard_errors;
 use crate::diagnose::fit::optimizer::ModelFit;
 use crate::diagnose::fit::paired_gain::PairedGain;
@@ -74,8 +74,7 @@ pub fn diagnose(
     let departures: Vec<_> = departures.iter().zip(gains).collect();
     let all = ModelScores::of(evidence, low, &before, &found);
     let verdict = verdict(findings.effects.is_empty(), all.share_removed(), &found.goodness);
-    // Statistics of all events have established the bursts, whatever a test of the rest says.
-    let is_established = |effect: &FittedEffect| effect.id == EffectId::ApsCoupling;
+    let is_established = |effect: &FittedEffect| is_established_without_light(effect.id);
     if verdict.names_effects() || findings.effects.iter().all(is_established) {
         return conclude(evidence, &sensor, departures, findings, &found, (all, verdict, before));
     }
@@ -142,7 +141,7 @@ fn conclude(
     let is_departed = !departures.is_empty() || !sensor.departures.is_empty();
     let effects = with_departures(departures.into_iter().chain(of_events), named);
     let deficit = sensor.isolated_events.as_ref();
-    let held = at_range_end(evidence, &found.fit);
+    let held = found.fit.model.at_range_end(evidence);
     let is_pulled = !held.is_empty() && !found.steps.is_empty();
     let verdict = combined(verdict, [deficit.is_some(), is_departed, is_pulled]);
     let strata = |fit: &GoodnessOfFit| {
@@ -272,16 +271,6 @@ fn verdict(names_nothing: bool, share: Option<f64>, after: &GoodnessOfFit) -> Di
     }
 }
 
-/// Constants at an end of their ordinary range.
-fn at_range_end(evidence: &Evidence, fit: &ModelFit) -> Vec<CameraConstant> {
-    let coordinates = fit.model.coordinates(evidence);
-    let is_held = |c: &CameraConstant| {
-        let ([low, high], value) = (coordinates[*c as usize].range, fit.model.constant(*c));
-        coordinates[*c as usize].sd > 0.0 && (value <= low || value >= high)
-    };
-    CameraConstant::ALL.iter().copied().filter(is_held).collect()
-}
-
 /// Fitted constants by key, in reported units.
 fn constants(
     evidence: &Evidence,
@@ -290,7 +279,7 @@ fn constants(
     spread: [f64; 3],
 ) -> BTreeMap<String, ConfidenceInterval> {
     let is_fitted = |c: &CameraConstant| c.prior(&evidence.facts).sd > 0.0;
-    let held = at_range_end(evidence, fit);
+    let held = fit.model.at_range_end(evidence);
     let one = |c: CameraConstant| {
         let natural = |v: f64| match c.key().1 {
             ReportedAs::Value => v,
