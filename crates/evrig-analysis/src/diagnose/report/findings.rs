@@ -82,7 +82,7 @@ fn fitted_effect(
     if evidence.facts.clock_tie.is_none() {
         indistinguishable.extend(candidate.map_or(&[][..], |c| c.inseparable));
     }
-    let p_value = (upper_tail_probability(gain.standard_errors()) * LIBRARY.len() as f64).min(1.0);
+    let p_value = (upper_tail_probability(gain.standard_errors) * LIBRARY.len() as f64).min(1.0);
     FittedEffect {
         id,
         name: id.name().into(),
