@@ -2,8 +2,8 @@
 //! motion-compensated.
 
 use super::bilinear::BilinearWeights;
-use super::cubic::cubic;
 use super::frame_view::FrameView;
+use super::interpolation::{InterpolationKernel, MovedPair};
 use super::optical_flow::{FrameFlow, best_shift, flow_ends};
 use super::patch::PATCH_HALF_PX;
 use super::pixel_noise::PixelNoise;
@@ -76,6 +76,8 @@ pub struct FramesDrive {
     values: Vec<f32>,
     /// Motion from each frame to the next; empty without motion compensation.
     flows: Vec<FrameFlow>,
+    /// Interpolation between pixels along the motion.
+    kernel: InterpolationKernel,
     /// Saturated intensity; infinite where saturated values are used as they are.
     saturated: f32,
     noise: OnceLock<PixelNoise>,
@@ -110,7 +112,8 @@ impl FramesDrive {
         let log_intensity = |value: f32| (f64::from(value) - black_dn).max(FLOOR_DN) / white_dn;
         values.iter_mut().for_each(|value| *value = log_intensity(*value) as f32);
         let (flows, saturated, noise) = (Vec::new(), f32::INFINITY, OnceLock::new());
-        Ok(Self { size, times_us, row_us, white_dn, values, flows, saturated, noise })
+        let kernel = InterpolationKernel::with_sharpness(0.0);
+        Ok(Self { size, times_us, row_us, white_dn, values, flows, kernel, saturated, noise })
     }
 
     /// Leaves saturated values out: the signal is `NaN` where a frame reached the end of its range.
@@ -145,6 +148,12 @@ impl FramesDrive {
         self.flows = pairs
             .map(|k| FrameFlow::estimate(self.view(k), self.view(k + 1), noise, most))
             .collect();
+        self.kernel = InterpolationKernel::fitted(n, |k| MovedPair {
+            views: [self.view(k), self.view(k + 1)],
+            flow: &self.flows[k],
+            noise: self.frame_noise(),
+            saturated: self.saturated,
+        });
         self
     }
 
@@ -223,9 +232,11 @@ impl AlongFlow<'_> {
         let shifts = self.flow.candidates(self.place);
         let shift = best_shift(views, self.place, share, shifts, self.noise);
         let [from, to] = flow_ends(self.place, share, shift);
+        let kernel = &self.drive.kernel;
         let log_intensity = |k: usize, end| {
             let corners = views[k].corners(end);
-            self.drive.log_unless_saturated(self.frame + k, &corners, |view| cubic(view, end))
+            self.drive
+                .log_unless_saturated(self.frame + k, &corners, |view| kernel.value(view, end))
         };
         let [before, after] = [log_intensity(0, from), log_intensity(1, to)];
         before + (after - before) * share
