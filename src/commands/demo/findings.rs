@@ -66,7 +66,7 @@ impl DemoFindings<'_> {
         let off = judgement.parameters.iter().map(|check| check.relative_error).fold(0.0, f64::max);
         let verdict = match (judgement.is_top1, judgement.is_top1_or_equivalent, is_covered) {
             (true, _, Some(true)) => "right, and the interval holds the concealed value".to_owned(),
-            (true, ..) => format!("right; the value is {} % off", significant(100.0 * off, 2)),
+            (true, ..) => format!("right; the value is {}\u{a0}% off", significant(100.0 * off, 2)),
             (false, true, _) => "one of several that cannot be distinguished".to_owned(),
             (false, false, _) => "wrong".to_owned(),
         };
