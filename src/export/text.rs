@@ -11,7 +11,8 @@ use zip::write::SimpleFileOptions;
 /// Text that is gathered before it is written: it stays in a core's cache.
 const BLOCK_BYTES: usize = 1 << 18;
 
-/// A line in seconds at its longest: a sign, 13 digits, the point, 6 digits, and 15 bytes after the time.
+/// A line in seconds at its longest: a sign, 13 digits, the point, 6 digits, and 15 bytes after the
+/// time.
 const MAX_LINE_BYTES: usize = 36;
 
 /// How an event is written.
@@ -56,8 +57,8 @@ pub(super) fn write_zip(out: &Path, events: EventSlice<'_>, size: Size) -> Resul
     archive.finish().and_then(|mut file| Ok(file.flush()?)).map_err(refused)
 }
 
-/// Writes a line per event. `itoa` and one buffer, since the formatting of the standard library took
-/// most of the time.
+/// Writes a line per event. `itoa` and one buffer, since the formatting of the standard library
+/// took most of the time.
 fn write_lines(
     file: &mut impl Write,
     events: EventSlice<'_>,

@@ -66,7 +66,8 @@ pub(crate) fn copy_with_sha256(
     })
 }
 
-/// Gives the blocks of a file to `take` until that returns false; returns their checksum and length.
+/// Gives the blocks of a file to `take` until that returns false; returns their checksum and
+/// length.
 fn hash_blocks(
     path: &Path,
     mut take: impl FnMut(&[u8]) -> Result<bool, SessionError>,

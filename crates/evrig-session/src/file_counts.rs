@@ -147,8 +147,8 @@ pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCoun
     count_packets(path, &mut |offset, _| progress(offset))
 }
 
-/// The same; `progress` also gets whether stamps of the packet's stream went back so far that its clock
-/// may have restarted.
+/// The same; `progress` also gets whether stamps of the packet's stream went back so far that its
+/// clock may have restarted.
 pub(crate) fn count_packets(
     path: &Path,
     progress: &mut dyn FnMut(u64, bool),

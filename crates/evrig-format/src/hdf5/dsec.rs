@@ -114,8 +114,8 @@ pub fn write_dsec(
     append_events(path, events, t_offset, is_narrow).map_err(unwritable)
 }
 
-/// Appends the columns block by block: a `FileBuilder` would hold all of them, plain and compressed,
-/// until the file is complete.
+/// Appends the columns block by block: a `FileBuilder` would hold all of them, plain and
+/// compressed, until the file is complete.
 fn append_events(
     path: &Path,
     events: EventSlice<'_>,

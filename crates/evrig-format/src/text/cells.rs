@@ -119,8 +119,8 @@ fn whole(cell: &[u8]) -> Option<i64> {
 /// The most digits that cannot overflow 64 bits.
 const MAX_DIGITS: usize = 18;
 
-/// Largest whole number up to which all are exact: the quotient of one by a power of ten up to 22 is the
-/// number nearest to the decimal (Clinger 1990).
+/// Largest whole number up to which all are exact: the quotient of one by a power of ten up to 22 is
+/// the number nearest to the decimal (Clinger 1990).
 const MAX_EXACT: i64 = 1 << f64::MANTISSA_DIGITS;
 
 /// Parses a line of plain numbers, several times faster than cell by cell, and gives what follows

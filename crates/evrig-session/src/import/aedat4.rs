@@ -97,8 +97,9 @@ pub(super) fn adopt(
     Ok(manifest)
 }
 
-/// Counts a file, and meanwhile computes its checksum and copies it. The copy of a file that is refused,
-/// or of which one epoch may be written, would be of no use: it is stopped, and none is given.
+/// Counts a file, and meanwhile computes its checksum and copies it. The copy of a file that is
+/// refused, or of which one epoch may be written, would be of no use: it is stopped, and no checksum
+/// is given.
 fn count_and_take(
     source: &Path,
     from: &Path,
@@ -144,8 +145,8 @@ fn named_streams(entries: &[StreamEntry], found: &FileCounts) -> Vec<String> {
     named.map(decision).collect()
 }
 
-/// Refuses a file of which nothing can be read, events that no camera gives, and events and frames that
-/// share no time.
+/// Refuses a file of which nothing can be read, events that no camera gives, and events and frames
+/// that share no time.
 fn check_counts(source: &Path, found: &FileCounts, epoch: EpochChoice) -> Result<(), SessionError> {
     let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
     if let (Some(damage), 0) = (&found.damage, n_read) {
