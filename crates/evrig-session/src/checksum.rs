@@ -3,8 +3,12 @@
 use super::SessionError;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Bytes of a file that are hashed at once: they stay in a core's cache.
+const HASHED_BYTES: usize = 1 << 18;
 
 /// A SHA-256 as 64 lower-case hexadecimal digits.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -42,17 +46,42 @@ pub fn sha256_of_bytes(bytes: &[u8]) -> Sha256Hex {
 /// # Errors
 /// When it cannot be read.
 pub fn sha256_of_file(path: &Path) -> Result<(Sha256Hex, u64), SessionError> {
+    hash_blocks(path, |_| Ok(true))
+}
+
+/// Copies a file and gives its checksum and length, of one reading; of its beginning only where
+/// `is_stopped` becomes true.
+///
+/// # Errors
+/// When a file cannot be read or written.
+pub(crate) fn copy_with_sha256(
+    from: &Path,
+    to: &Path,
+    is_stopped: &AtomicBool,
+) -> Result<(Sha256Hex, u64), SessionError> {
+    let mut copy = std::fs::File::create(to).map_err(SessionError::io(to))?;
+    hash_blocks(from, |block| {
+        copy.write_all(block).map_err(SessionError::io(to))?;
+        Ok(!is_stopped.load(Ordering::Relaxed))
+    })
+}
+
+/// Gives the blocks of a file to `take` until that returns false; returns their checksum and
+/// length.
+fn hash_blocks(
+    path: &Path,
+    mut take: impl FnMut(&[u8]) -> Result<bool, SessionError>,
+) -> Result<(Sha256Hex, u64), SessionError> {
     let mut file = std::fs::File::open(path).map_err(SessionError::io(path))?;
     let mut hasher = Sha256::new();
-    let mut chunk = vec![0; 1 << 18];
+    let mut chunk = vec![0; HASHED_BYTES];
     let mut n_bytes = 0;
     loop {
-        match file.read(&mut chunk).map_err(SessionError::io(path))? {
-            0 => return Ok((Sha256Hex::finish(hasher), n_bytes)),
-            n => {
-                hasher.update(&chunk[..n]);
-                n_bytes += n as u64;
-            }
+        let n = file.read(&mut chunk).map_err(SessionError::io(path))?;
+        hasher.update(&chunk[..n]);
+        n_bytes += n as u64;
+        if n == 0 || !take(&chunk[..n])? {
+            return Ok((Sha256Hex::finish(hasher), n_bytes));
         }
     }
 }
@@ -70,5 +99,12 @@ mod tests {
         let path = directory.path().join("abc");
         std::fs::write(&path, "abc").unwrap();
         assert_eq!(sha256_of_file(&path).unwrap(), (sha256_of_bytes(b"abc"), 3));
+        let copy = directory.path().join("copy");
+        let copied = copy_with_sha256(&path, &copy, &AtomicBool::new(false)).unwrap();
+        assert_eq!(copied, (sha256_of_bytes(b"abc"), 3));
+        assert_eq!(std::fs::read(&copy).unwrap(), b"abc");
+        std::fs::write(&path, vec![7; 3 * HASHED_BYTES]).unwrap();
+        let (_, n_bytes) = copy_with_sha256(&path, &copy, &AtomicBool::new(true)).unwrap();
+        assert_eq!(n_bytes, HASHED_BYTES as u64);
     }
 }

@@ -105,6 +105,11 @@ impl EpochFinder {
         self.segments.push(StampRun { first_index: index, count: 1, begin: t, end: t, epoch: 0 });
     }
 
+    /// Whether a stamp went back by more than a late packet; the epochs are known at the end only.
+    pub(crate) fn may_have_restarted(&self) -> bool {
+        self.n_restarts > 0
+    }
+
     /// Takes stamps in order, a block at a time where all of it is near the last segment's end.
     pub(crate) fn extend(&mut self, stamps: &[i64]) {
         for block in stamps.chunks(STAMPS_PER_BLOCK) {

@@ -144,6 +144,15 @@ impl FileCounts {
 /// # Errors
 /// When the file cannot be opened or is not AEDAT4; damage after its header is in the result.
 pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCounts, SessionError> {
+    count_packets(path, &mut |offset, _| progress(offset))
+}
+
+/// The same; `progress` also gets whether stamps of the packet's stream went back so far that its
+/// clock may have restarted.
+pub(crate) fn count_packets(
+    path: &Path,
+    progress: &mut dyn FnMut(u64, bool),
+) -> Result<FileCounts, SessionError> {
     let mut reader = Reader::open(path)?;
     let mut streams: BTreeMap<u32, StreamCounts> = BTreeMap::new();
     let mut order = Vec::new();
@@ -157,10 +166,12 @@ pub fn count_file(path: &Path, progress: &mut dyn FnMut(u64)) -> Result<FileCoun
     while let Some(packet) = reader.next() {
         match packet {
             Ok(packet) => {
-                progress(packet.offset);
-                if let Some(stream) = streams.get_mut(&packet.stream) {
+                let stream = streams.get_mut(&packet.stream);
+                let may_restart = stream.is_some_and(|stream| {
                     add_packet(stream, &packet);
-                }
+                    stream.epochs.may_have_restarted()
+                });
+                progress(packet.offset, may_restart);
                 if let Content::Events(events) = packet.content {
                     reader.recycle(events);
                 }

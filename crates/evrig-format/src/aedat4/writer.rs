@@ -20,6 +20,10 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 /// core of a desktop computer, 8 MiB before compression.
 const PARALLEL_PACKETS: usize = 16;
 
+/// Packets that are encoded without compression ahead of the one that is written: the one that the
+/// other thread fills, so that the memory of both stays in the cache.
+const UNCOMPRESSED_AHEAD: usize = 2;
+
 /// Small packets are gathered to this size; larger ones are written as they are, each at once.
 const GATHERED_BYTES: usize = 1 << 16;
 
@@ -214,7 +218,7 @@ impl<W: Write> Writer<W> {
         )
     }
 
-    /// Checks contents and writes their packets, several of a compressed file in parallel.
+    /// Checks contents and writes their packets, several in parallel.
     pub(super) fn write_all<'a>(
         &mut self,
         contents: impl IntoIterator<Item = (u32, PacketInput<'a>)>,
@@ -224,27 +228,30 @@ impl<W: Write> Writer<W> {
             self.check_stream(stream, content)?;
             inputs.extend(content.cut().into_iter().map(|input| (stream, input)));
         }
-        if inputs.len() > 1 && self.compression != Compression::None {
-            self.write_parallel(&inputs)?;
-        } else {
-            // Always the same memory, which stays in the cache.
-            for (stream, input) in inputs {
+        match inputs.as_slice() {
+            [(stream, input)] => {
                 let mut packet = self.spare.pop().unwrap_or_default();
-                let filled = packet.fill(self.compression, input);
+                let filled = packet.fill(self.compression, *input);
                 filled.map_err(|source| self.failed(source))?;
-                self.write_packet(stream, packet)?;
+                self.write_packet(*stream, packet)?;
             }
+            several => self.write_parallel(several)?,
         }
         self.flush_stream()
     }
 
-    /// Compresses packets in parallel and writes each as soon as those before it are written.
+    /// Encodes and compresses packets in parallel and writes each as soon as those before it are
+    /// written.
     fn write_parallel(&mut self, inputs: &[(u32, PacketInput<'_>)]) -> Result<(), WriteError> {
         let compression = self.compression;
+        let n_ahead = match compression {
+            Compression::None => UNCOMPRESSED_AHEAD,
+            Compression::Lz4 | Compression::Zstd => PARALLEL_PACKETS,
+        };
         rayon::in_place_scope(|scope| {
-            let mut ahead = VecDeque::with_capacity(PARALLEL_PACKETS);
+            let mut ahead = VecDeque::with_capacity(n_ahead);
             for &(stream, input) in inputs {
-                if ahead.len() == PARALLEL_PACKETS
+                if ahead.len() == n_ahead
                     && let Some((stream, filled)) = ahead.pop_front()
                 {
                     self.write_filled(stream, &filled)?;

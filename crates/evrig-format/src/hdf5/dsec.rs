@@ -7,12 +7,18 @@
 use super::Hdf5Error;
 use crate::npy::Column;
 use evrig_core::event::EventSlice;
-use hdf5_pure::{FileBuilder, FinishedGroup, GroupBuilder, H5Element};
+use hdf5_pure::{
+    File, FileAccessProperties, FileBuilder, FileLocking, FinishedGroup, GroupBuilder, H5Element,
+    MaxExtent, SyncPolicy,
+};
 use std::path::Path;
 
 /// Elements per chunk: what one read decompresses. Below 65,536, whose chunk dimension `hdf5-pure`
 /// stores in four bytes: HDF5 2.0 expects three and refuses the file.
 const CHUNK_ELEMENTS: u64 = 1 << 15;
+
+/// Events that are converted and appended at once, whole chunks.
+const APPENDED_EVENTS: usize = 8 * CHUNK_ELEMENTS as usize;
 
 /// gzip's level: its default is hardly smaller and half as fast.
 const GZIP_LEVEL: u32 = 4;
@@ -78,20 +84,18 @@ pub fn write_dsec(
     let wrong = |what: String| Hdf5Error { path: path.to_owned(), what };
     let unwritable = |error: hdf5_pure::Error| wrong(format!("cannot be written: {error}"));
     let t_offset = events.t.first().copied().unwrap_or(0);
-    let times: Vec<i64> = events.t.iter().map(|t| t - t_offset).collect();
-    let ms_to_idx = ms_to_idx(&times).map_err(wrong)?;
+    let ms_to_idx = ms_to_idx(events.t, t_offset).map_err(wrong)?;
+    let is_narrow = events.t.iter().all(|t| u32::try_from(t - t_offset).is_ok());
     let mut file = FileBuilder::new();
     let mut group = file.create_group("events");
-    let narrow: Option<Vec<u32>> = times.iter().map(|&t| u32::try_from(t).ok()).collect();
-    match narrow {
-        Some(times) => add(&mut group, "t", &times, &[times.len() as u64]),
-        None => add(&mut group, "t", &times, &[times.len() as u64]),
+    if is_narrow {
+        add_column::<u32>(&mut group, "t")
+    } else {
+        add_column::<i64>(&mut group, "t")
     }
-    let n = [events.len() as u64];
-    add(&mut group, "x", events.x, &n);
-    add(&mut group, "y", events.y, &n);
-    let p: Vec<u8> = events.on.iter().map(|on| u8::from(*on)).collect();
-    add(&mut group, "p", &p, &n);
+    add_column::<u16>(&mut group, "x");
+    add_column::<u16>(&mut group, "y");
+    add_column::<u8>(&mut group, "p");
     file.add_group(group.finish());
     let shape = [ms_to_idx.len() as u64];
     file.create_dataset("ms_to_idx").with_data(&ms_to_idx).with_shape(&shape);
@@ -106,7 +110,46 @@ pub fn write_dsec(
         }
         file.add_group(all.finish());
     }
-    file.write(path).map_err(unwritable)
+    file.write(path).map_err(unwritable)?;
+    append_events(path, events, t_offset, is_narrow).map_err(unwritable)
+}
+
+/// Appends the columns block by block: a `FileBuilder` would hold all of them, plain and
+/// compressed, until the file is complete.
+fn append_events(
+    path: &Path,
+    events: EventSlice<'_>,
+    t_offset: i64,
+    is_narrow: bool,
+) -> Result<(), hdf5_pure::Error> {
+    // A failed export removes its file, so its blocks need no order on the disk.
+    let options = FileAccessProperties::new()
+        .with_sync_policy(SyncPolicy::OnClose)
+        .with_locking(FileLocking::BestEffort);
+    let file = File::open_rw_with_options(path, options)?;
+    let mut times = file.dataset("events/t")?;
+    for block in events.t.chunks(APPENDED_EVENTS) {
+        let since = block.iter().map(|t| t - t_offset);
+        if is_narrow {
+            times.append(&since.map(|t| t as u32).collect::<Vec<_>>())?;
+        } else {
+            times.append(&since.collect::<Vec<_>>())?;
+        }
+    }
+    file.dataset("events/x")?.append(events.x)?;
+    file.dataset("events/y")?.append(events.y)?;
+    let mut polarities = file.dataset("events/p")?;
+    for block in events.on.chunks(APPENDED_EVENTS) {
+        polarities.append(&block.iter().map(|on| u8::from(*on)).collect::<Vec<_>>())?;
+    }
+    file.close()
+}
+
+/// Adds an empty column, to which events are appended.
+fn add_column<T: H5Element>(group: &mut GroupBuilder, name: &str) {
+    let dataset = group.create_dataset(name).with_data::<T>(&[]).with_shape(&[0]);
+    dataset.with_maxshape(&[MaxExtent::Unlimited]).with_chunks(&[CHUNK_ELEMENTS]);
+    dataset.with_shuffle().with_deflate(GZIP_LEVEL);
 }
 
 fn side(mut made: GroupBuilder, group: &SideGroup) -> FinishedGroup {
@@ -134,16 +177,16 @@ fn add<T: H5Element>(group: &mut GroupBuilder, name: &str, values: &[T], shape: 
 
 /// For each millisecond from 0 the first event that is not before it; one entry more than the
 /// events' whole milliseconds, so that the last one has an end.
-fn ms_to_idx(times: &[i64]) -> Result<Vec<u64>, String> {
+fn ms_to_idx(times: &[i64], t_offset: i64) -> Result<Vec<u64>, String> {
     let Some(&last) = times.last() else { return Ok(vec![0]) };
-    let n_ms = last / 1000 + 1;
+    let n_ms = last.saturating_sub(t_offset) / 1000 + 1;
     if n_ms > MAX_SPAN_MS {
         return Err(format!(
             "the events span {} days; expected at most 100: is a stamp wrong? `evrig info` shows the gaps",
             n_ms / 86_400_000
         ));
     }
-    let index = |ms: i64| times.partition_point(|&t| t < ms * 1000) as u64;
+    let index = |ms: i64| times.partition_point(|&t| t - t_offset < ms * 1000) as u64;
     Ok((0..=n_ms).map(index).collect())
 }
 
@@ -156,7 +199,11 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back_with_its_offset_added() {
         let directory = tempfile::tempdir().unwrap();
-        for (name, start, step) in [("short", 1_700_000_000_000_000, 7), ("long", -5, 1 << 24)] {
+        // Several blocks and chunks with a rest, and times beyond 32 bits.
+        let many = 2 * APPENDED_EVENTS as i64 + CHUNK_ELEMENTS as i64 + 5;
+        for (name, start, step, n) in
+            [("short", 1_700_000_000_000_000, 7, many), ("long", -5, 1 << 24, 1_000)]
+        {
             let path = directory.path().join(name);
             let event = |i: i64| Event {
                 t: start + i * step,
@@ -164,7 +211,7 @@ mod tests {
                 y: (i % 260) as u16,
                 on: i % 3 == 0,
             };
-            let events: Events = (0..1_000).map(event).collect();
+            let events: Events = (0..n).map(event).collect();
             let values = Column::Float(vec![0.5; 18]);
             let group = SideGroup {
                 name: "aps".into(),
@@ -173,17 +220,22 @@ mod tests {
             write_dsec(&path, events.as_slice(), &[group], "{}").unwrap();
             let read = read_events(&path, None).unwrap();
             assert_eq!(read.t_offset_us, start);
-            let t = read.columns.into_iter().next().unwrap().1.into_integers().unwrap();
-            assert!(t.iter().map(|t| t + start).eq(events.as_slice().t.iter().copied()), "{name}");
+            let columns = read.columns.into_iter();
+            let columns: Vec<_> = columns.map(|(_, c)| c.into_integers().unwrap()).collect();
+            let row = |i: usize| {
+                let [t, x, y, p] = [0, 1, 2, 3].map(|column| columns[column][i]);
+                Event { t: t + start, x: x as u16, y: y as u16, on: p == 1 }
+            };
+            assert!((0..columns[0].len()).map(row).eq(events.as_slice().iter()), "{name}");
         }
     }
 
     #[test]
     fn the_index_names_the_first_event_of_each_millisecond() {
-        let times = [0, 999, 1000, 1000, 4200];
-        assert_eq!(ms_to_idx(&times).unwrap(), [0, 2, 4, 4, 4, 5]);
-        assert_eq!(ms_to_idx(&[]).unwrap(), [0]);
-        assert!(ms_to_idx(&[0, i64::MAX]).unwrap_err().contains("span"));
+        let times = [7, 1006, 1007, 1007, 4207];
+        assert_eq!(ms_to_idx(&times, 7).unwrap(), [0, 2, 4, 4, 4, 5]);
+        assert_eq!(ms_to_idx(&[], 0).unwrap(), [0]);
+        assert!(ms_to_idx(&[0, i64::MAX], 0).unwrap_err().contains("span"));
     }
 
     #[test]

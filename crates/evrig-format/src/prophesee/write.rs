@@ -1,10 +1,11 @@
 //! Writes EVT 3.0.
 
 use super::evt3::{ADDRESS_X, ADDRESS_Y, TIME_HIGH, TIME_LOW};
+use crate::BLOCK_BYTES;
 use evrig_core::event::{Event, EventSlice};
 use evrig_core::geometry::Size;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// Columns and rows have 11 bits.
@@ -45,7 +46,7 @@ impl Evt3Encoder {
 /// # Errors
 /// When the file cannot be written.
 pub fn write_evt3(path: &Path, events: EventSlice<'_>, size: Size) -> std::io::Result<()> {
-    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    let mut file = File::create(path)?;
     let first = events.t.first().copied().unwrap_or(0);
     let t0 = if (0..1 << 24).contains(&first) { 0 } else { first };
     let Size { width, height } = size;
@@ -56,13 +57,15 @@ pub fn write_evt3(path: &Path, events: EventSlice<'_>, size: Size) -> std::io::R
     }
     file.write_all(b"% end\n")?;
     let mut encoder = Evt3Encoder::default();
-    let mut words = Vec::new();
+    let mut words = Vec::with_capacity(BLOCK_BYTES);
     for event in events.iter() {
-        words.clear();
         encoder.push(Event { t: event.t - t0, ..event }, &mut words);
-        file.write_all(&words)?;
+        if words.len() >= BLOCK_BYTES {
+            file.write_all(&words)?;
+            words.clear();
+        }
     }
-    file.flush()
+    file.write_all(&words)
 }
 
 #[cfg(test)]

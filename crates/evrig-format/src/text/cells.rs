@@ -103,7 +103,7 @@ fn whole(cell: &[u8]) -> Option<i64> {
         Some(digits) => (true, digits),
         None => (false, cell),
     };
-    if !(1..=18).contains(&digits.len()) {
+    if !(1..=MAX_DIGITS).contains(&digits.len()) {
         return None;
     }
     let mut value = 0_i64;
@@ -116,9 +116,12 @@ fn whole(cell: &[u8]) -> Option<i64> {
     Some(if is_negative { -value } else { value })
 }
 
-/// The most digits of a decimal whose quotient by a power of ten is the nearest number (Clinger 1990):
-/// the digits and the power are exact.
-const MAX_EXACT_DIGITS: usize = 15;
+/// The most digits that cannot overflow 64 bits.
+const MAX_DIGITS: usize = 18;
+
+/// Largest whole number up to which all are exact: the quotient of one by a power of ten up to 22 is
+/// the number nearest to the decimal (Clinger 1990).
+const MAX_EXACT: i64 = 1 << f64::MANTISSA_DIGITS;
 
 /// Parses a line of plain numbers, several times faster than cell by cell, and gives what follows
 /// it; none where a cell is anything else.
@@ -152,19 +155,21 @@ fn without_blanks(mut bytes: &[u8]) -> &[u8] {
 
 /// The number of digits, with a sign and a decimal point or without, at the beginning.
 fn plain_number(bytes: &[u8]) -> Option<(Number, &[u8])> {
-    const POWERS: [f64; MAX_EXACT_DIGITS + 1] =
-        [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+    const POWERS: [f64; MAX_DIGITS + 1] = [
+        1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+        1e17, 1e18,
+    ];
     let unsigned = bytes.strip_prefix(b"-").unwrap_or(bytes);
     let is_negative = unsigned.len() < bytes.len();
     let (whole, rest) = digits(0, unsigned);
     let n_whole = unsigned.len() - rest.len();
     let [b'.', fraction @ ..] = rest else {
         let signed = if is_negative { whole.wrapping_neg() } else { whole };
-        return (1..=18).contains(&n_whole).then_some((Number::Int(signed), rest));
+        return (1..=MAX_DIGITS).contains(&n_whole).then_some((Number::Int(signed), rest));
     };
     let (value, rest) = digits(whole, fraction);
     let n_behind = fraction.len() - rest.len();
-    let is_exact = (1..=MAX_EXACT_DIGITS).contains(&(n_whole + n_behind));
+    let is_exact = (1..=MAX_DIGITS).contains(&(n_whole + n_behind)) && value <= MAX_EXACT;
     let magnitude = value as f64 / POWERS.get(n_behind)?;
     let signed = if is_negative { -magnitude } else { magnitude };
     is_exact.then_some((Number::Float(signed), rest))

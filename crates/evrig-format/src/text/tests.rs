@@ -105,6 +105,10 @@ fn decimals_are_the_nearest_numbers() {
         ".5",
         "5.",
         "1461581614.93",
+        "1700000000.123456",
+        "9007199254.740992",
+        "9007199254.740993",
+        "0.98765432109876543",
     ] {
         let found = table(&format!("t,x\n{text},1\n")).unwrap();
         assert_eq!(found.columns[0].1, Column::Float(vec![text.parse().unwrap()]), "{text}");

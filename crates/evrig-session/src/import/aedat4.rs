@@ -3,16 +3,18 @@
 use super::aedat4_epochs::PartedFile;
 use super::builder::SessionBuilder;
 use super::event_table::{check_overlap, check_stamps};
+use crate::checksum::copy_with_sha256;
 use crate::epochs::EpochChoice;
-use crate::file_counts::{FileCounts, StreamCounts, count_file};
+use crate::file_counts::{FileCounts, StreamCounts, count_file, count_packets};
 use crate::manifest::file_name;
 use crate::{
-    Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus,
+    Damage, DataLoss, FileEntry, Journal, Manifest, Origin, SessionError, SessionStatus, Sha256Hex,
     StreamEntry, StreamKind, sha256_of_file,
 };
 use evrig_format::aedat4::{Reader, StreamHeader};
 use serde_json::json;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Copies an AEDAT4 file into a new session and counts what is in it.
 ///
@@ -60,18 +62,7 @@ pub(super) fn adopt(
     let n_bytes = std::fs::metadata(from).map_or(0, |about| about.len());
     let path = builder.layout.davis();
     let is_inside = from.starts_with(builder.layout.root());
-    // The file is copied and its checksum computed while it is counted.
-    let (found, taken) = std::thread::scope(|scope| {
-        let taking = scope.spawn(|| {
-            if !is_inside {
-                std::fs::copy(from, &path).map_err(SessionError::io(from))?;
-            }
-            sha256_of_file(if is_inside { from } else { &path })
-        });
-        let found = count_file(from, progress);
-        (found, taking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    });
-    let (found, taken) = (found?, taken?);
+    let (found, taken) = count_and_take(source, from, &path, is_inside, epoch, progress)?;
     let (found, taken, parted) = match PartedFile::write(from, &path, &found, epoch)? {
         Some(parted) => {
             let damage = found.damage;
@@ -82,21 +73,15 @@ pub(super) fn adopt(
             if is_inside {
                 std::fs::rename(from, &path).map_err(SessionError::io(from))?;
             }
-            (found, taken, PartedFile::default())
+            let whole = || copy_with_sha256(from, &path, &AtomicBool::new(false));
+            (found, taken.map_or_else(whole, Ok)?, PartedFile::default())
         }
     };
     if is_inside && from.exists() {
         std::fs::remove_file(from).map_err(SessionError::io(from))?;
     }
     progress(2 * n_bytes);
-    let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
-    if let (Some(damage), 0) = (&found.damage, n_read) {
-        return Err(SessionError::import(source, format!("nothing can be read: {damage}")));
-    }
-    // Epochs that are laid into each other have no one span.
-    if epoch != EpochChoice::All {
-        check_counts(source, &found)?;
-    }
+    check_counts(source, &found, epoch)?;
     let whole = manifest(&builder, origin, builder.named_entry(&path, taken), &found);
     decisions.extend(parted.decisions);
     decisions.extend(named_streams(&whole.streams, &found));
@@ -112,6 +97,42 @@ pub(super) fn adopt(
     Ok(manifest)
 }
 
+/// Counts a file, and meanwhile computes its checksum and copies it. The copy of a file that is
+/// refused, or of which one epoch may be written, would be of no use: it is stopped, and no checksum
+/// is given.
+fn count_and_take(
+    source: &Path,
+    from: &Path,
+    path: &Path,
+    is_inside: bool,
+    epoch: EpochChoice,
+    progress: &mut dyn FnMut(u64),
+) -> Result<(FileCounts, Option<(Sha256Hex, u64)>), SessionError> {
+    let is_stopped = AtomicBool::new(false);
+    let mut may_restart = false;
+    let (found, taken) = std::thread::scope(|scope| {
+        let taking = scope.spawn(|| match is_inside {
+            true => sha256_of_file(from),
+            false => copy_with_sha256(from, path, &is_stopped),
+        });
+        let found = count_packets(from, &mut |offset, does_step_back| {
+            progress(offset);
+            may_restart |= does_step_back && epoch != EpochChoice::All;
+            is_stopped.store(may_restart, Ordering::Relaxed);
+        });
+        // The spans of a clock that restarted are checked of the epoch that is written.
+        let checked = found.and_then(|found| {
+            let checked = if may_restart { Ok(()) } else { check_counts(source, &found, epoch) };
+            checked.map(|()| found)
+        });
+        is_stopped.fetch_or(checked.is_err(), Ordering::Relaxed);
+        (checked, taking.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let (found, taken) = (found?, taken?);
+    let is_whole = is_inside || !is_stopped.into_inner();
+    Ok((found, is_whole.then_some(taken)))
+}
+
 /// The names of streams of which the file has several of a kind.
 fn named_streams(entries: &[StreamEntry], found: &FileCounts) -> Vec<String> {
     let has_others =
@@ -124,8 +145,17 @@ fn named_streams(entries: &[StreamEntry], found: &FileCounts) -> Vec<String> {
     named.map(decision).collect()
 }
 
-/// Refuses events that no camera gives, and events and frames that share no time.
-fn check_counts(source: &Path, found: &FileCounts) -> Result<(), SessionError> {
+/// Refuses a file of which nothing can be read, events that no camera gives, and events and frames
+/// that share no time.
+fn check_counts(source: &Path, found: &FileCounts, epoch: EpochChoice) -> Result<(), SessionError> {
+    let n_read: u64 = found.streams.iter().map(|stream| stream.count).sum();
+    if let (Some(damage), 0) = (&found.damage, n_read) {
+        return Err(SessionError::import(source, format!("nothing can be read: {damage}")));
+    }
+    // Epochs that are laid into each other have no one span.
+    if epoch == EpochChoice::All {
+        return Ok(());
+    }
     let span = |kind: StreamKind| {
         let of_kind = found.streams.iter().filter(move |stream| stream.kind == kind);
         let stream = of_kind.filter(|stream| stream.count > 1).max_by_key(|stream| stream.count)?;
